@@ -99,7 +99,7 @@ class Arms(Described, frozen=True, kw_only=True):
 
 
 class Table(Described, frozen=True, kw_only=True):
-    """A rectangular table top; its upper face is at ``top`` and objects start near its centre."""
+    """A rectangular table top; its upper face is at ``top``."""
 
     centre: tuple[float, float]
     """Centre of the top, x and y in the world frame [m]."""
@@ -137,6 +137,8 @@ class Workcell(Described, frozen=True, kw_only=True):
     models: dict[str, ArmModel]
     arms: Arms
     table: Table
+    shared: Vec3
+    """Middle of the space where both arms work on a held object [m]; objects start on the table below it."""
     cameras: Annotated[tuple[Camera, ...], Meta(min_length=1)]
 
     def __post_init__(self) -> None:

@@ -1,0 +1,141 @@
+"""What a proposer is asked and what it answers: ranked candidates, each a value that can be checked and refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from robots.spatial import Array, frozen, points
+from robots.workcell import Side, Workcell
+
+OperationKind = Literal["pull", "unscrew", "press"]
+
+
+@dataclass(frozen=True, slots=True)
+class Roles:
+    """Which arm plays which role.
+
+    Attributes:
+        assistant: The arm that prepares.
+        primary: The arm that does the goal action.
+    """
+
+    assistant: Side
+    primary: Side
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneView:
+    """What a proposer looks at: the object now, or as predicted after it has been moved.
+
+    Attributes:
+        workcell: What stands in the cell.
+        cloud: ``(n, 3)`` object points in the world frame [m], already moved.
+        T_move: How the object has moved since it was observed, in the world frame; identity for the first view.
+        hand: ``(m, 3)`` points of the assistant's hand in the world frame [m], empty before it holds.
+    """
+
+    workcell: Workcell
+    cloud: Array
+    T_move: pin.SE3
+    hand: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cloud", frozen(self.cloud))
+        object.__setattr__(self, "hand", frozen(self.hand))
+        object.__setattr__(self, "T_move", self.T_move.copy())
+
+    def moved(self, T_move: pin.SE3, hand: Array) -> SceneView:
+        """This view after the object moves by ``T_move`` (world frame) and the assistant's hand has come."""
+        return SceneView(self.workcell, points(T_move, self.cloud), T_move * self.T_move, hand)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GoalCandidate:
+    """Where and how the primary acts.
+
+    Attributes:
+        kind: What is done there.
+        T_world_hand: Hand pose at contact.
+        opening: Opening of one finger while approaching [m]; 0 presses with closed fingers.
+        direction: Unit vector ``(3,)`` in the world frame: pull and press - the motion of the hand; unscrew - the
+            axis about which it turns, right-handed.
+        point: A point ``(3,)`` of the line of motion or of the turning axis [m].
+        amount: Motion commanded [m] or [rad].
+        outward: Unit vector ``(3,)`` in the world frame from the part towards free space: the way the part must face
+            to be exposed.
+        score: Higher is better.
+    """
+
+    kind: OperationKind
+    T_world_hand: pin.SE3
+    opening: float
+    direction: Array
+    point: Array
+    amount: float
+    outward: Array
+    score: float
+
+    def __post_init__(self) -> None:
+        for name in ("direction", "point", "outward"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "T_world_hand", self.T_world_hand.copy())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PregraspCandidate:
+    """Where the assistant holds.
+
+    Attributes:
+        T_world_hand: Hand pose when the fingers close.
+        opening: Opening of one finger while approaching [m].
+        score: Higher is better.
+    """
+
+    T_world_hand: pin.SE3
+    opening: float
+    score: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_world_hand", self.T_world_hand.copy())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseCandidate:
+    """Which object pose makes room.
+
+    Attributes:
+        T_move: How the object should move from where it was observed, in the world frame.
+        score: Higher is better.
+    """
+
+    T_move: pin.SE3
+    score: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_move", self.T_move.copy())
+
+
+class Proposer(Protocol):
+    """Anything that yields ranked candidates. Lists are best first and may be empty; ``rng`` decides every draw."""
+
+    @property
+    def name(self) -> str:
+        """As given to ``--proposer``."""
+
+    def goal(self, view: SceneView, rng: np.random.Generator) -> list[GoalCandidate]:
+        """Where the primary could act: anticipatorily on the first view, finally on the predicted one."""
+
+    def pregrasp(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[PregraspCandidate]:
+        """Where the assistant could hold so that the goal action stays possible."""
+
+    def object_pose(
+        self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, roles: Roles, rng: np.random.Generator
+    ) -> list[PoseCandidate]:
+        """Where the object could be brought for the goal action."""
+
+    def reorient(self, grasp: PregraspCandidate, pose: PoseCandidate) -> pin.SE3:
+        """``T_world_hand`` of the assistant's hand once the object is there."""

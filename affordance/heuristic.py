@@ -1,0 +1,224 @@
+"""Which candidates the paper's hand-written rules give, with privileged knowledge of the object.
+
+The rules are those of the paper's appendix: the assistant's pixel lies on a fixed link, its approach points down within
+10 deg, its fingers open across the object; ``T_grp' = T_obj' T_obj^-1 T_grp``; the primary's pixel lies on the movable
+link and its approach follows the functional direction, the turn about it being free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from affordance.candidates import GoalCandidate, PoseCandidate, PregraspCandidate, Roles, SceneView
+from robots.spatial import Array, hand_rotation, perpendicular, points, rotation_about, unit
+from robots.workcell import Gripper
+from worlds.labels import Truth
+
+TILT = np.radians(10.0)
+"""Largest deviation of the assistant's approach from straight down [rad]; the paper's value."""
+
+ROLLS = 12
+"""Turns about the approach tried for a goal candidate."""
+
+FINGER_CLEARANCE = 0.004
+"""Room kept between an open finger and the part or body on either side [m]."""
+
+PAD_HALF = 0.011
+"""Half width of a finger pad [m]."""
+
+SHOULDER_GAP = 0.002
+"""Room kept between the finger tips and what lies below the part [m]."""
+
+GRASP_DEPTH = 0.045
+"""The assistant's fingers reach at most this far below the top of what they grasp [m]."""
+
+TABLE_GAP = 0.006
+"""Room kept between the assistant's finger tips and the table [m]."""
+
+UPRIGHT = 0.8
+"""The object counts as standing when the vertical part of its long axis exceeds this."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeuristicProposer:
+    """The paper's rules on the true pose and parts of one object.
+
+    Attributes:
+        truth: Privileged knowledge at the time of the observation.
+        gripper: The gripper both arms carry.
+    """
+
+    truth: Truth
+    gripper: Gripper
+
+    @property
+    def name(self) -> str:
+        """As given to ``--proposer``."""
+        return "heuristic"
+
+    # -- goal ------------------------------------------------------------------------------------------------------
+
+    def goal(self, view: SceneView, rng: np.random.Generator) -> list[GoalCandidate]:
+        """Candidates on the movable link, approaching along the functional direction, turned about it at random."""
+        T_world_body = view.T_move * self.truth.T_world_body
+        part = self.truth.part
+        axis = T_world_body.rotation @ part.axis
+        outward = -axis if part.kind == "press" else axis
+        first = rng.uniform(0.0, 2 * np.pi)
+        rolls = first + 2 * np.pi * np.arange(ROLLS) / ROLLS
+        found = [
+            self._press(T_world_body, outward, roll) if part.kind == "press" else self._grasp_part(T_world_body, outward, roll)
+            for roll in rolls
+        ]
+        kept = [candidate for candidate in found if candidate is not None]
+        return sorted(kept, key=lambda candidate: -candidate.score)
+
+    def _press(self, T_world_body: pin.SE3, outward: Array, roll: float) -> GoalCandidate:
+        part = self.truth.part
+        point = T_world_body.act(part.point)
+        R = hand_rotation(-outward, rotation_about(outward, roll) @ perpendicular(outward))
+        travel = part.travel * (part.lever or 1.0)
+        needed = part.threshold * (part.lever or 1.0)
+        return GoalCandidate(
+            kind="press", T_world_hand=pin.SE3(R, point + self.gripper.tip_offset * outward), opening=0.0,
+            direction=-outward, point=point, amount=min(0.9 * travel, needed + 0.006), outward=outward, score=1.0,
+        )
+
+    def _grasp_part(self, T_world_body: pin.SE3, outward: Array, roll: float) -> GoalCandidate | None:
+        part = self.truth.part
+        vertices = points(T_world_body, self.truth.part_vertices)
+        origin = T_world_body.act(part.point)
+        opening_axis = rotation_about(outward, roll) @ perpendicular(outward)
+        across = np.cross(outward, opening_axis)
+        along = (vertices - origin) @ outward
+        tip = max(along.min() + SHOULDER_GAP, along.max() - 2 * PAD_HALF)
+        in_pad = (np.abs((vertices - origin) @ across) < PAD_HALF) & (along > tip - 0.02)
+        if not in_pad.any():
+            in_pad = along > tip - 0.02
+        spread = (vertices[in_pad] - origin) @ opening_axis
+        width = float(spread.max() - spread.min())
+        half = width / 2 + FINGER_CLEARANCE
+        if half > self.gripper.finger_travel:
+            return None
+        centre = origin + outward * tip + opening_axis * (spread.max() + spread.min()) / 2
+        return GoalCandidate(
+            kind=part.kind, T_world_hand=pin.SE3(hand_rotation(-outward, opening_axis), centre + outward * self.gripper.tip_offset),
+            opening=min(self.gripper.finger_travel, half + 0.010), direction=outward, point=origin,
+            amount=self._amount(), outward=outward, score=1.0 - width,
+        )
+
+    def _amount(self) -> float:
+        part = self.truth.part
+        if part.kind == "unscrew":
+            return min(part.travel, 1.3 * part.threshold)
+        return min(0.95 * part.travel, part.threshold + 0.010)
+
+    # -- pre-grasp -------------------------------------------------------------------------------------------------
+
+    def pregrasp(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[PregraspCandidate]:
+        """Candidates on fixed links near the centre of mass, opening across the long axis, away from the part."""
+        axis = self.truth.T_world_body.rotation @ self.truth.long_axis
+        fixed = view.cloud[~self.truth.movable]
+        if len(fixed) == 0:
+            return []
+        propose = self._standing if abs(axis[2]) > UPRIGHT else self._lying
+        found = [propose(view, fixed, axis, goal, rng) for _ in range(24)]
+        return sorted((c for c in found if c is not None), key=lambda c: -c.score)
+
+    def _lying(
+        self, view: SceneView, fixed: Array, axis: Array, goal: GoalCandidate, rng: np.random.Generator
+    ) -> PregraspCandidate | None:
+        centre = self.truth.T_world_body.act(self.truth.centre)
+        flat = unit([axis[0], axis[1], 0.0])
+        along = (fixed - centre) @ flat
+        part_at = float((goal.point - centre) @ flat)
+        where = rng.normal(-0.012 * np.sign(part_at), 0.018)
+        slab = np.abs(along - where) < PAD_HALF
+        if slab.sum() < 20 or abs(part_at - where) < 0.035:
+            return None
+        opening_axis = np.cross([0.0, 0.0, 1.0], flat) * rng.choice([-1.0, 1.0])
+        spread = (fixed[slab] - centre) @ opening_axis
+        half = (spread.max() - spread.min()) / 2
+        if half + FINGER_CLEARANCE > self.gripper.finger_travel:
+            return None
+        top = float(fixed[slab, 2].max())
+        table = view.workcell.table.top
+        depth = min(0.5 * (top - table), GRASP_DEPTH)
+        low = table + TABLE_GAP + self.gripper.tip_offset - self.gripper.tcp_offset
+        middle = centre + flat * where + opening_axis * (spread.max() + spread.min()) / 2
+        tcp = np.array([middle[0], middle[1], max(top - depth, low)])
+        approach = rotation_about(opening_axis, rng.uniform(-TILT, TILT)) @ np.array([0.0, 0.0, -1.0])
+        return self._hold(tcp, approach, opening_axis, score=1.0 - abs(where) - 0.05 * np.arccos(-approach[2]))
+
+    def _standing(
+        self, view: SceneView, fixed: Array, axis: Array, goal: GoalCandidate, rng: np.random.Generator
+    ) -> PregraspCandidate | None:
+        low, high = fixed.min(axis=0), fixed.max(axis=0)
+        heading = rng.uniform(0.0, 2 * np.pi)
+        approach = np.array([np.cos(heading), np.sin(heading), 0.0])
+        opening_axis = np.array([-approach[1], approach[0], 0.0])
+        spread = fixed @ opening_axis
+        half = (spread.max() - spread.min()) / 2
+        if half + FINGER_CLEARANCE > self.gripper.finger_travel:
+            return None
+        table = view.workcell.table.top
+        centre = self.truth.T_world_body.act(self.truth.centre)
+        height = float(np.clip(centre[2] + rng.normal(0.0, 0.015), table + 0.045, max(high[2] - 0.02, table + 0.046)))
+        middle = (low + high) / 2
+        side = opening_axis * ((spread.max() + spread.min()) / 2 - middle @ opening_axis)
+        tcp = np.array([middle[0], middle[1], height]) + side
+        return self._hold(tcp, approach, opening_axis, score=1.0 - abs(height - centre[2]) + rng.uniform(0.0, 0.02))
+
+    def _hold(self, tcp: Array, approach: Array, opening_axis: Array, score: float) -> PregraspCandidate:
+        R = hand_rotation(approach, opening_axis)
+        T_world_hand = pin.SE3(R, tcp - self.gripper.tcp_offset * R[:, 2])
+        return PregraspCandidate(T_world_hand, self.gripper.finger_travel, float(score))
+
+    # -- object pose -----------------------------------------------------------------------------------------------
+
+    def object_pose(
+        self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, roles: Roles, rng: np.random.Generator
+    ) -> list[PoseCandidate]:
+        """The part turned towards the primary arm in the shared space, with the object turned as little as possible."""
+        middle = np.asarray(view.workcell.shared)
+        base = np.asarray(view.workcell.placement(roles.primary).base_xyz)
+        towards = unit([base[0] - middle[0], base[1] - middle[1], 0.0])
+        pitch_now = float(np.arcsin(np.clip(goal.outward[2], -1.0, 1.0)))
+        found = []
+        for k in range(24):
+            spread = min(1.0, k / 8)
+            yaw = rng.normal(0.0, 0.35) * (0.4 + spread)
+            pitch = _chosen_pitch(pitch_now, k, rng)
+            facing = rotation_about([0.0, 0.0, 1.0], yaw) @ (np.cos(pitch) * towards + np.sin(pitch) * np.array([0.0, 0.0, 1.0]))
+            R = _turn(goal.outward, facing)
+            target = middle + rng.normal(0.0, 1.0, 3) * np.array([0.04, 0.04, 0.03]) * (0.4 + spread)
+            pivot = (goal.point + grasp.T_world_hand.act(np.array([0.0, 0.0, self.gripper.tcp_offset]))) / 2
+            found.append(PoseCandidate(pin.SE3(R, target - R @ pivot), 1.0 - 0.01 * k))
+        return found
+
+    def reorient(self, grasp: PregraspCandidate, pose: PoseCandidate) -> pin.SE3:
+        """The held hand follows the object rigidly: ``T_grp' = T_obj' T_obj^-1 T_grp``."""
+        return pose.T_move * grasp.T_world_hand
+
+
+def _chosen_pitch(now: float, k: int, rng: np.random.Generator) -> float:
+    """How far above the horizon the part should face [rad]: as now, between, or level, by turns."""
+    share = (0.0, 1.0, 0.5)[k % 3]
+    return float(np.clip(now * (1.0 - share) + rng.normal(0.0, 0.12), -0.3, np.pi / 2))
+
+
+def _turn(before: Array, after: Array) -> Array:
+    """The rotation from one direction to another: first about the vertical, then in the vertical plane."""
+    flat = np.hypot(*before[:2]) > 0.2 and np.hypot(*after[:2]) > 1e-6
+    yaw = np.arctan2(after[1], after[0]) - (np.arctan2(before[1], before[0]) if flat else 0.0)
+    turned = rotation_about([0.0, 0.0, 1.0], float(np.arctan2(np.sin(yaw), np.cos(yaw)))) @ before
+    normal = np.cross(turned, after)
+    angle = float(np.arctan2(np.linalg.norm(normal), turned @ after))
+    if angle < 1e-6:
+        return rotation_about([0.0, 0.0, 1.0], float(yaw))
+    if np.linalg.norm(normal) < 1e-9:
+        normal = perpendicular(after)
+    return rotation_about(normal, angle) @ rotation_about([0.0, 0.0, 1.0], float(yaw))

@@ -1,0 +1,66 @@
+"""Which sequences of stages reach the symbolic goal, cheapest first."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count
+
+from affordance.candidates import Roles
+from robots.workcell import SIDES, Side
+from tamp.operators import ARTICULATED, INITIAL, Operator, applicable, solved, successor
+from tamp.plan import Role
+from tamp.symbols import State
+
+
+@dataclass(frozen=True, slots=True)
+class BoundStage:
+    """An operator bound to an arm."""
+
+    operator: Operator
+    arm: Side
+
+    def __str__(self) -> str:
+        return f"{self.operator.name}({self.arm})"
+
+
+Skeleton = tuple[BoundStage, ...]
+
+
+def skeletons(
+    operators: tuple[Operator, ...] = ARTICULATED, initial: State = INITIAL, *, longest: int = 10
+) -> Iterator[Skeleton]:
+    """Every sequence of at most ``longest`` stages to the goal that visits no state twice, shortest first.
+
+    Uniform-cost forward search over paths (Russell and Norvig, "Artificial Intelligence", section 3.4.2); equal costs
+    come in the order of operators and arms. Each role is played by one arm throughout.
+    """
+    number = count()
+    queue: list[tuple[int, int, State, Skeleton, frozenset[State]]] = [(0, next(number), initial, (), frozenset({initial}))]
+    while queue:
+        cost, _, state, stages, visited = heapq.heappop(queue)
+        if solved(state):
+            yield stages
+            continue
+        if cost == longest:
+            continue
+        for operator in operators:
+            for arm in SIDES:
+                if not applicable(operator, arm, state) or not _one_arm_a_role(stages, operator, arm):
+                    continue
+                after = successor(operator, arm, state)
+                if after not in visited:
+                    bound = (*stages, BoundStage(operator, arm))
+                    heapq.heappush(queue, (cost + 1, next(number), after, bound, visited | {after}))
+
+
+def _one_arm_a_role(stages: Skeleton, operator: Operator, arm: Side) -> bool:
+    """Whether ``arm`` may play the operator's role after ``stages``."""
+    return all((stage.arm == arm) == (stage.operator.role == operator.role) for stage in stages)
+
+
+def roles_of(skeleton: Skeleton) -> Roles:
+    """Which arm plays which role in a skeleton."""
+    played: dict[Role, Side] = {stage.operator.role: stage.arm for stage in skeleton}
+    return Roles(assistant=played["assistant"], primary=played["primary"])

@@ -1,0 +1,190 @@
+"""Which part of an imported model is operated, by which joint, and from where to where?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from robots.errors import BadAsset
+from robots.spatial import Array
+from worlds.assets.asset import FunctionalPart
+from worlds.assets.mobility import ROOT, Mobility, MovingJoint
+from worlds.assets.touch import flat_spot, grip
+
+LID_WORDS = ("lid", "cap", "cover")
+"""Words in the annotated names of what closes a bottle or tops a dispenser."""
+
+HANDLE_WORDS = ("handle", "lever", "trigger")
+"""Words in the annotated names of what is squeezed where nothing is pressed."""
+
+PULL_RANGE = 0.010
+"""A lid that slides at least this far is pulled off, else it is screwed [m]."""
+
+LEAST_RANGE = 0.002
+"""A joint that slides less cannot be told to have moved [m]."""
+
+LEAST_BAND = 0.005
+"""Fingers need this much height of a lid [m]."""
+
+WIDEST_LID = 0.075
+"""The hand opens 80 mm; 5 mm are left to get around a lid [m]."""
+
+TURN_RANGE = np.pi
+"""Turn that counts as the whole of a screwed lid's opening [rad]; half of it, a quarter turn, is opened."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Function:
+    """What is operated, in the model frame.
+
+    Attributes:
+        part: The functional part, its point in the model frame.
+        starts: Start positions of the joints that have one other than the closest to zero.
+        limits: Limits of the joints whose range was cut.
+        notes: What was supplied or repaired.
+    """
+
+    part: FunctionalPart
+    starts: dict[str, float] = field(default_factory=dict)
+    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def part_from(self, origin: Array) -> FunctionalPart:
+        """The part as seen from a frame at ``origin`` ``(3,)`` [m]."""
+        return replace(self.part, point=self.part.point - origin)
+
+
+def functional_part(model: Mobility, *, pressed: bool) -> Function:
+    """The part to operate of a metric model; ``BadAsset`` when there is none.
+
+    Args:
+        model: In metres.
+        pressed: Whether the category is pressed, else opened.
+    """
+    lid = _named(model, LID_WORDS)
+    if not pressed:
+        if lid is None:
+            raise BadAsset(model.instance, f"none of its moving parts is called {' or '.join(LID_WORDS)}")
+        return _opened(model, lid)
+    if lid is not None and (slide := _slide(model, lid)) is not None and _range(slide) >= LEAST_RANGE:
+        return _pressed(model, lid, slide)
+    handle = _named(model, HANDLE_WORDS)
+    if handle is not None and model.joints[handle].type == "revolute":
+        return _squeezed(model, handle)
+    raise BadAsset(model.instance, "it has neither a lid that slides by 2 mm nor a hinged handle")
+
+
+def _named(model: Mobility, words: tuple[str, ...]) -> str | None:
+    for link, (_, name) in sorted(model.semantics.items()):
+        if link in model.joints and model.meshes[link] and any(word in name for word in words):
+            return link
+    return None
+
+
+def _slide(model: Mobility, link: str) -> MovingJoint | None:
+    """The longest slide between the body and ``link``."""
+    slides = [joint for joint in model.chain(link) if joint.type == "prismatic"]
+    return max(slides, key=_range, default=None)
+
+
+def _range(joint: MovingJoint) -> float:
+    return joint.upper - joint.lower
+
+
+def _outward(model: Mobility, link: str, joint: MovingJoint) -> tuple[Array, float]:
+    """Unit vector along the joint axis away from the body, and whether it is the axis (+1) or against it (-1)."""
+    body, part = (0.5 * (v.min(axis=0) + v.max(axis=0)) for v in (model.vertices(ROOT), model.vertices(link)))
+    sign = 1.0 if joint.axis @ (part - body) >= 0.0 else -1.0
+    return sign * joint.axis, sign
+
+
+def _opened(model: Mobility, lid: str) -> Function:
+    chain = model.chain(lid)
+    slide = _slide(model, lid)
+    spin = next((joint for joint in chain if joint.type == "continuous"), None)
+    if slide is None:
+        raise BadAsset(model.instance, "its lid does not slide")
+    travel = _range(slide)
+    if travel < LEAST_RANGE and spin is None:
+        raise BadAsset(model.instance, f"its lid slides only {1000 * travel:.1f} mm and does not turn")
+    outward, sign = _outward(model, lid, slide)
+    closed = slide.lower if sign > 0.0 else slide.upper
+    shift = closed * slide.axis
+    point = _gripped_point(model, lid, chain[-1].origin + shift, shift, outward)
+    if travel < PULL_RANGE and spin is not None:
+        sense = 1.0 if spin.axis @ outward > 0.0 else -1.0
+        part = FunctionalPart(
+            "unscrew", lid, spin.name, outward, point, sense, 0.0, TURN_RANGE, 0.5 * TURN_RANGE
+        )
+        return Function(part, starts={slide.name: closed})
+    part = FunctionalPart("pull", lid, slide.name, outward, point, sign, closed, travel, 0.5 * travel)
+    notes = () if travel >= PULL_RANGE else (f"the lid slides only {1000 * travel:.1f} mm",)
+    return Function(part, starts={slide.name: closed}, notes=notes)
+
+
+def _gripped_point(model: Mobility, lid: str, on_axis: Array, shift: Array, outward: Array) -> Array:
+    """The lid's centre on its axis; ``BadAsset`` when fingers cannot get around it."""
+    points = model.vertices(lid) + shift
+    others = [link for link in model.meshes if link != lid]
+    band, width = grip(points, model.vertices(*others), on_axis, outward)
+    if width > WIDEST_LID:
+        raise BadAsset(model.instance, f"its lid is {1000 * width:.0f} mm wide, more than {1000 * WIDEST_LID:.0f} mm")
+    if band < LEAST_BAND:
+        raise BadAsset(
+            model.instance,
+            f"fingers reach only {1000 * band:.1f} mm of its lid, less than {1000 * LEAST_BAND:.0f} mm",
+        )
+    top = float(((points - on_axis) @ outward).max())
+    return np.asarray(on_axis + (top - 0.5 * band) * outward)
+
+
+def _pressed(model: Mobility, head: str, slide: MovingJoint) -> Function:
+    outward, sign = _outward(model, head, slide)
+    low, high = sorted((sign * slide.lower, sign * slide.upper))
+    engaged = _overlap(model, head, outward)
+    raised = float(np.clip(engaged, low + LEAST_RANGE, high))
+    travel = raised - low
+    point = _pressed_point(model, head, slide, raised * outward, outward)
+    part = FunctionalPart(
+        "press", head, slide.name, -outward, point, -sign, sign * raised, travel, 0.5 * travel
+    )
+    first, last = sorted((sign * low, sign * raised))
+    cut = raised < high - 1e-9
+    notes = (f"its head is raised {1000 * raised:.1f} mm, not {1000 * high:.1f} mm, to stay on the body",) if cut else ()
+    return Function(part, {slide.name: sign * raised}, {slide.name: (first, last)}, notes)
+
+
+def _overlap(model: Mobility, head: str, outward: Array) -> float:
+    """How far the head may rise before its lower end leaves the body [m]."""
+    return float((model.vertices(ROOT) @ outward).max() - (model.vertices(head) @ outward).min())
+
+
+def _pressed_point(model: Mobility, part: str, joint: MovingJoint, shift: Array, outward: Array) -> Array:
+    others = tuple(mesh for link, meshes in model.meshes.items() if link != part for mesh in meshes)
+    spot = flat_spot(model.meshes[part], others, joint.origin, outward)
+    if spot is None:
+        raise BadAsset(model.instance, "it has no flat spot of 12 x 12 mm to press")
+    return spot + shift
+
+
+def _squeezed(model: Mobility, handle: str) -> Function:
+    """A hinged handle, pressed at its far end in the direction of its longer way."""
+    hinge = model.joints[handle]
+    sense = 1.0 if hinge.upper >= -hinge.lower else -1.0
+    start = float(np.clip(0.0, hinge.lower, hinge.upper))
+    travel = (hinge.upper - start) if sense > 0.0 else (start - hinge.lower)
+    arms = model.vertices(handle) - hinge.origin
+    arms -= np.outer(arms @ hinge.axis, hinge.axis)
+    reach = np.linalg.norm(arms, axis=1)
+    tip = arms[int(np.argmax(reach))] / reach.max()
+    inward = sense * np.cross(hinge.axis, tip)
+    point = _pressed_point(model, handle, hinge, np.zeros(3), -inward)
+    arm = point - hinge.origin
+    arm -= (arm @ hinge.axis) * hinge.axis
+    lever = float(np.linalg.norm(arm))
+    if lever * travel < LEAST_RANGE:
+        raise BadAsset(model.instance, f"its handle moves only {1000 * lever * travel:.1f} mm")
+    motion = sense * np.cross(hinge.axis, arm) / lever
+    part = FunctionalPart("press", handle, hinge.name, motion, point, sense, start, travel, 0.5 * travel, lever)
+    return Function(part)

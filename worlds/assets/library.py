@@ -1,0 +1,114 @@
+"""Which object models are there, and how is one of them fetched or chosen?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robots.errors import BadAsset, BadInput, UnknownName
+from worlds.assets import partnet
+from worlds.assets.asset import Asset, Rejected, Split
+from worlds.assets.synthetic import bottle, dispenser
+
+FORMS = "synthetic, partnet:DIR (DIR holds one folder per category, for example DIR/Bottle)"
+"""The valid sources, for messages."""
+
+_FAMILIES = {"Bottle": bottle, "Dispenser": dispenser}
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where object models come from.
+
+    Attributes:
+        text: As the user wrote it.
+        root: The PartNet-Mobility folder, or None for the generated families.
+    """
+
+    text: str
+    root: Path | None = None
+
+
+def parse_source(source: str) -> Source:
+    """The source meant by ``source``.
+
+    Args:
+        source: ``synthetic`` or ``partnet:DIR``.
+
+    Raises:
+        BadInput: It is neither, or DIR is not a folder.
+    """
+    if source == "synthetic":
+        return Source(source)
+    kind, colon, folder = source.partition(":")
+    if kind != "partnet" or not colon or not folder:
+        raise BadInput(f'No object source "{source}". Valid: {FORMS}.')
+    root = Path(folder).expanduser().absolute()
+    if not root.is_dir():
+        raise BadInput(f"No folder {root} for the object source {source}. Valid: {FORMS}.")
+    return Source(source, root)
+
+
+def names(source: str, category: str, split: Split | None = None) -> list[str]:
+    """Sorted instance names of one category, without building any; of one split when given.
+
+    Raises:
+        UnknownName: No such category.
+        BadInput: The source cannot be used.
+    """
+    where = parse_source(source)
+    _check_category(category)
+    if where.root is None:
+        return _FAMILIES[category].SERIES.names(split)
+    return partnet.names(where.root, category, split)
+
+
+def load(source: str, category: str, instance: str) -> Asset:
+    """The asset ``instance``, built into the cache when it is not there yet.
+
+    Raises:
+        UnknownName: No such category or instance; suggests one.
+        BadAsset: The model cannot be used, with the reason.
+    """
+    where = parse_source(source)
+    _check_category(category)
+    if where.root is None:
+        return _FAMILIES[category].make(instance)
+    return partnet.make(where.root, where.text, category, instance)
+
+
+def survey(source: str, category: str, split: Split | None = None) -> list[Asset | Rejected]:
+    """Every instance in order of name, the unusable ones with their reason."""
+    return [_attempt(source, category, name) for name in names(source, category, split)]
+
+
+def choose(source: str, category: str, split: Split | None, seed: int) -> Asset:
+    """One usable instance, each equally likely; the same for the same ``seed``.
+
+    Raises:
+        BadInput: No instance is usable.
+    """
+    listed = names(source, category, split)
+    rejected: list[Rejected] = []
+    for place in np.random.default_rng(seed).permutation(len(listed)):
+        match _attempt(source, category, listed[place]):
+            case Asset() as asset:
+                return asset
+            case Rejected() as refusal:
+                rejected.append(refusal)
+    reasons = "; ".join(f"{refusal.instance}: {refusal.reason}" for refusal in rejected) or "there are none"
+    raise BadInput(f"No usable {category} in {source}{f' ({split})' if split else ''}: {reasons}.")
+
+
+def _attempt(source: str, category: str, instance: str) -> Asset | Rejected:
+    try:
+        return load(source, category, instance)
+    except BadAsset as refusal:
+        return Rejected(source, category, instance, refusal.reason)
+
+
+def _check_category(category: str) -> None:
+    if category not in _FAMILIES:
+        raise UnknownName("category", category, _FAMILIES)

@@ -1,0 +1,62 @@
+"""How an episode begins: the object at rest on the table in a random pose, both arms waiting."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+from robots.errors import BadAsset
+from robots.spatial import pose
+from robots.workcell import Workcell
+from worlds import physics
+from worlds.assets.asset import Asset
+from worlds.bullet.world import BulletWorld
+
+SPREAD = 0.08
+"""Half width of the square in which objects are dropped, about the middle of the shared space [m]."""
+
+REGION = 0.14
+"""Where the object must come to rest: its bounding box centre this close to that middle [m]."""
+
+ATTEMPTS = 30
+
+
+def build(workcell: Workcell, asset: Asset, seed: int) -> BulletWorld:
+    """The world of one episode, decided by workcell, asset and seed alone.
+
+    The object is dropped in a random orientation (uniform on SO(3)) from just above the table and comes to rest by
+    itself. Poses that roll out of the region or do not come to rest are drawn again.
+
+    Raises:
+        BadAsset: No draw came to rest on the table.
+    """
+    world = BulletWorld(workcell, asset)
+    rng = np.random.default_rng([seed, 0x5CE])
+    try:
+        for _ in range(ATTEMPTS):
+            _drop(world, rng)
+            if world.settle_object() and _inside(world):
+                world.time = 0.0
+                return world
+    except BaseException:
+        world.close()
+        raise
+    world.close()
+    raise BadAsset(asset.instance, f"it did not come to rest on the table in any of {ATTEMPTS} drops")
+
+
+def _drop(world: BulletWorld, rng: np.random.Generator) -> None:
+    middle = np.asarray(world.workcell.shared[:2])
+    R = Rotation.random(random_state=rng).as_matrix()
+    xy = middle + rng.uniform(-SPREAD, SPREAD, 2)
+    world.put_object(pin.SE3(R, np.array([*xy, 1.0])))
+    low, _ = world.object_bounds()
+    lift = world.workcell.table.top + physics.DROP_HEIGHT - float(low[2])
+    world.put_object(pose((0.0, 0.0, lift)) * pin.SE3(R, np.array([*xy, 1.0])))
+
+
+def _inside(world: BulletWorld) -> bool:
+    low, high = world.object_bounds()
+    off = (low + high)[:2] / 2 - np.asarray(world.workcell.shared[:2])
+    return bool(np.abs(off).max() < REGION and low[2] > world.workcell.table.top - 0.02)
