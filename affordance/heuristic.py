@@ -32,7 +32,7 @@ PAD_HALF = 0.011
 SHOULDER_GAP = 0.002
 """Room kept between the finger tips and what lies below the part [m]."""
 
-GRASP_DEPTH = 0.045
+GRASP_DEPTH = 0.030
 """The assistant's fingers reach at most this far below the top of what they grasp [m]."""
 
 TABLE_GAP = 0.006

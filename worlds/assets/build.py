@@ -184,11 +184,10 @@ def _add_joint(robot: ET.Element, joint: Joint) -> None:
     ET.SubElement(element, "parent", link=joint.parent)
     ET.SubElement(element, "child", link=joint.child)
     ET.SubElement(element, "axis", xyz=_vector(joint.axis))
-    effort = {"effort": "100", "velocity": "10"}
-    if joint.type == "continuous":
-        ET.SubElement(element, "limit", effort)
-    else:
-        ET.SubElement(element, "limit", lower=_number(joint.lower), upper=_number(joint.upper), **effort)
+    limit = {"effort": "100", "velocity": "10"}
+    if joint.type != "continuous":
+        limit |= {"lower": _number(joint.lower), "upper": _number(joint.upper)}
+    ET.SubElement(element, "limit", limit)
 
 
 def _vector(values: Iterable[float]) -> str:

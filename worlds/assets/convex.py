@@ -7,6 +7,7 @@ the whole with the hulls of its slices: open ends cost nothing, and what the hul
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 
 import numpy as np
 
@@ -97,13 +98,14 @@ def _parts_of(mesh: Mesh) -> tuple[Mesh, ...]:
         return ()
     if volume(whole) < SMALL or solidity(mesh) > SOLID:
         return (whole,)
-    return tuple(part for part in (hull(piece) for piece in _decomposed(mesh.vertices, mesh.faces)) if volume(part) >= THIN) or (whole,)
+    pieces = [hull(piece) for piece in _decomposed(mesh.vertices, mesh.faces)]
+    return tuple(piece for piece in pieces if volume(piece) >= THIN) or (whole,)
 
 
 def _sliced_volume(points: Array, axis: int) -> float:
     edges = np.linspace(points[:, axis].min(), points[:, axis].max(), SLICES + 1)
     total = 0.0
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         slab = points[(points[:, axis] >= low - 1e-9) & (points[:, axis] <= high + 1e-9)]
         try:
             total += volume(hull(slab))
@@ -112,11 +114,20 @@ def _sliced_volume(points: Array, axis: int) -> float:
     return total
 
 
-def dense(mesh: Mesh, spacing: float) -> Array:
-    """Vertices and points on the triangles of ``mesh``, seldom much more than ``spacing`` [m] apart."""
+def dense(mesh: Mesh, spacing: float, most: int = 24) -> Array:
+    """Vertices and points on the triangles of ``mesh``.
+
+    Args:
+        mesh: Any triangles [m].
+        spacing: Largest distance between neighbours along an edge [m].
+        most: No edge is cut into more pieces than this, whatever ``spacing`` asks for.
+
+    Returns:
+        ``(n, 3)`` points [m].
+    """
     corners = mesh.vertices[mesh.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    steps = np.clip(np.ceil(longest / spacing), 1, 24).astype(int)
+    steps = np.clip(np.ceil(longest / spacing), 1, most).astype(int)
     clouds = [mesh.vertices]
     for count in np.unique(steps):
         weights = np.array([(i, j, count - i - j) for i in range(count + 1) for j in range(count + 1 - i)]) / count
@@ -138,4 +149,4 @@ def _decomposed(vertices: Array, faces: Faces) -> list[Array]:
 
     coacd.set_log_level("off")
     parts = coacd.run_coacd(coacd.Mesh(vertices, faces), **COACD_SETTINGS)
-    return [np.round(np.asarray(points, dtype=np.float64), 7) for points, _ in parts]
+    return [np.array(np.round(points, 7), dtype=np.float64) for points, _ in parts]

@@ -100,43 +100,92 @@ def _outward(model: Mobility, link: str, joint: MovingJoint) -> tuple[Array, flo
 
 
 def _opened(model: Mobility, lid: str) -> Function:
-    chain = model.chain(lid)
     slide = _slide(model, lid)
-    spin = next((joint for joint in chain if joint.type == "continuous"), None)
+    spin = next((joint for joint in model.chain(lid) if joint.type == "continuous"), None)
     if slide is None:
         raise BadAsset(model.instance, "its lid does not slide")
-    travel = _range(slide)
-    if travel < LEAST_RANGE and spin is None:
-        raise BadAsset(model.instance, f"its lid slides only {1000 * travel:.1f} mm and does not turn")
+    if _range(slide) >= PULL_RANGE or (spin is None and _range(slide) >= LEAST_RANGE):
+        return _pulled(model, lid, slide)
+    if spin is None:
+        raise BadAsset(model.instance, f"its lid slides only {1000 * _range(slide):.1f} mm and does not turn")
+    return _unscrewed(model, lid, slide, spin)
+
+
+def _pulled(model: Mobility, lid: str, slide: MovingJoint) -> Function:
     outward, sign = _outward(model, lid, slide)
-    closed = slide.lower if sign > 0.0 else slide.upper
-    shift = closed * slide.axis
-    point = _gripped_point(model, lid, chain[-1].origin + shift, shift, outward)
-    if travel < PULL_RANGE and spin is not None:
-        sense = 1.0 if spin.axis @ outward > 0.0 else -1.0
-        part = FunctionalPart(
-            "unscrew", lid, spin.name, outward, point, sense, 0.0, TURN_RANGE, 0.5 * TURN_RANGE
-        )
-        return Function(part, starts={slide.name: closed})
-    part = FunctionalPart("pull", lid, slide.name, outward, point, sign, closed, travel, 0.5 * travel)
-    notes = () if travel >= PULL_RANGE else (f"the lid slides only {1000 * travel:.1f} mm",)
+    closed, travel = _closed(slide, sign), _range(slide)
+    hold = _hold(model, lid, closed * slide.axis, outward)
+    part = FunctionalPart(
+        kind="pull",
+        link=lid,
+        joint=slide.name,
+        axis=outward,
+        point=_checked(model, hold),
+        sense=sign,
+        start=closed,
+        travel=travel,
+        threshold=0.5 * travel,
+    )
+    notes = () if travel >= PULL_RANGE else (f"its lid slides only {1000 * travel:.1f} mm",)
     return Function(part, starts={slide.name: closed}, notes=notes)
 
 
-def _gripped_point(model: Mobility, lid: str, on_axis: Array, shift: Array, outward: Array) -> Array:
-    """The lid's centre on its axis; ``BadAsset`` when fingers cannot get around it."""
-    points = model.vertices(lid) + shift
+def _unscrewed(model: Mobility, lid: str, slide: MovingJoint, spin: MovingJoint) -> Function:
+    outward, sign = _outward(model, lid, slide)
+    start = _closed(slide, sign)
+    notes: tuple[str, ...] = ()
+    hold = _hold(model, lid, start * slide.axis, outward)
+    if hold.band < LEAST_BAND:
+        modelled = float(np.clip(0.0, slide.lower, slide.upper))
+        notes = (f"its lid starts {1000 * abs(modelled - start):.1f} mm higher than closed, where fingers reach it",)
+        start = modelled
+        hold = _hold(model, lid, start * slide.axis, outward)
+    part = FunctionalPart(
+        kind="unscrew",
+        link=lid,
+        joint=spin.name,
+        axis=outward,
+        point=_checked(model, hold),
+        sense=1.0 if spin.axis @ outward > 0.0 else -1.0,
+        start=0.0,
+        travel=TURN_RANGE,
+        threshold=0.5 * TURN_RANGE,
+    )
+    return Function(part, starts={slide.name: start}, notes=notes)
+
+
+def _closed(slide: MovingJoint, sign: float) -> float:
+    """The end of the slide at which the lid is closest to the body."""
+    return slide.lower if sign > 0.0 else slide.upper
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Hold:
+    """Where fingers get around a lid: middle ``(3,)``, height and width of the band they reach [m]."""
+
+    point: Array
+    band: float
+    width: float
+
+
+def _hold(model: Mobility, lid: str, shift: Array, outward: Array) -> _Hold:
+    """The hold on the lid after it moved by ``shift`` ``(3,)`` [m]."""
+    points, on_axis = model.vertices(lid) + shift, model.chain(lid)[-1].origin + shift
     others = [link for link in model.meshes if link != lid]
     band, width = grip(points, model.vertices(*others), on_axis, outward)
-    if width > WIDEST_LID:
-        raise BadAsset(model.instance, f"its lid is {1000 * width:.0f} mm wide, more than {1000 * WIDEST_LID:.0f} mm")
-    if band < LEAST_BAND:
-        raise BadAsset(
-            model.instance,
-            f"fingers reach only {1000 * band:.1f} mm of its lid, less than {1000 * LEAST_BAND:.0f} mm",
-        )
     top = float(((points - on_axis) @ outward).max())
-    return np.asarray(on_axis + (top - 0.5 * band) * outward)
+    return _Hold(on_axis + (top - 0.5 * band) * outward, band, width)
+
+
+def _checked(model: Mobility, hold: _Hold) -> Array:
+    """The point of ``hold``; ``BadAsset`` when fingers cannot get around the lid."""
+    width, band = 1000 * hold.width, 1000 * hold.band
+    if hold.width > WIDEST_LID:
+        raise BadAsset(model.instance, f"its lid is {width:.0f} mm wide, more than {1000 * WIDEST_LID:.0f} mm")
+    if hold.band < LEAST_BAND:
+        reason = f"fingers reach only {band:.1f} mm of its lid, less than {1000 * LEAST_BAND:.0f} mm"
+        raise BadAsset(model.instance, reason)
+    return hold.point
 
 
 def _pressed(model: Mobility, head: str, slide: MovingJoint) -> Function:
@@ -147,11 +196,19 @@ def _pressed(model: Mobility, head: str, slide: MovingJoint) -> Function:
     travel = raised - low
     point = _pressed_point(model, head, slide, raised * outward, outward)
     part = FunctionalPart(
-        "press", head, slide.name, -outward, point, -sign, sign * raised, travel, 0.5 * travel
+        kind="press",
+        link=head,
+        joint=slide.name,
+        axis=-outward,
+        point=point,
+        sense=-sign,
+        start=sign * raised,
+        travel=travel,
+        threshold=0.5 * travel,
     )
     first, last = sorted((sign * low, sign * raised))
-    cut = raised < high - 1e-9
-    notes = (f"its head is raised {1000 * raised:.1f} mm, not {1000 * high:.1f} mm, to stay on the body",) if cut else ()
+    note = f"its head is raised {1000 * raised:.1f} mm, not {1000 * high:.1f} mm, to stay on the body"
+    notes = (note,) if raised < high - 1e-9 else ()
     return Function(part, {slide.name: sign * raised}, {slide.name: (first, last)}, notes)
 
 
@@ -186,5 +243,16 @@ def _squeezed(model: Mobility, handle: str) -> Function:
     if lever * travel < LEAST_RANGE:
         raise BadAsset(model.instance, f"its handle moves only {1000 * lever * travel:.1f} mm")
     motion = sense * np.cross(hinge.axis, arm) / lever
-    part = FunctionalPart("press", handle, hinge.name, motion, point, sense, start, travel, 0.5 * travel, lever)
+    part = FunctionalPart(
+        kind="press",
+        link=handle,
+        joint=hinge.name,
+        axis=motion,
+        point=point,
+        sense=sense,
+        start=start,
+        travel=travel,
+        threshold=0.5 * travel,
+        lever=lever,
+    )
     return Function(part)

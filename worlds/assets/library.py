@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,9 @@ from worlds.assets.synthetic import bottle, dispenser
 FORMS = "synthetic, partnet:DIR (DIR holds one folder per category, for example DIR/Bottle)"
 """The valid sources, for messages."""
 
-_FAMILIES = {"Bottle": bottle, "Dispenser": dispenser}
+_SERIES = {series.category: series for series in (bottle.SERIES, dispenser.SERIES)}
+
+_MAKERS: dict[str, Callable[[str], Asset]] = {"Bottle": bottle.make, "Dispenser": dispenser.make}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +64,7 @@ def names(source: str, category: str, split: Split | None = None) -> list[str]:
     where = parse_source(source)
     _check_category(category)
     if where.root is None:
-        return _FAMILIES[category].SERIES.names(split)
+        return _SERIES[category].names(split)
     return partnet.names(where.root, category, split)
 
 
@@ -75,7 +78,7 @@ def load(source: str, category: str, instance: str) -> Asset:
     where = parse_source(source)
     _check_category(category)
     if where.root is None:
-        return _FAMILIES[category].make(instance)
+        return _MAKERS[category](instance)
     return partnet.make(where.root, where.text, category, instance)
 
 
@@ -110,5 +113,5 @@ def _attempt(source: str, category: str, instance: str) -> Asset | Rejected:
 
 
 def _check_category(category: str) -> None:
-    if category not in _FAMILIES:
-        raise UnknownName("category", category, _FAMILIES)
+    if category not in _SERIES:
+        raise UnknownName("category", category, _SERIES)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -113,7 +114,7 @@ class _Reader:
         for name in links:
             self._placed(name)
         carriers = {name: self._carrier(name) for name in links}
-        meshes: dict[str, tuple[Mesh, ...]] = {ROOT: ()} | {carrier: () for carrier in carriers.values()}
+        meshes: dict[str, tuple[Mesh, ...]] = dict.fromkeys([ROOT, *carriers.values()], ())
         for link in self._robot.iter("link"):
             meshes[carriers[link.get("name", "")]] += self._meshes(link)
         joints = {child: self._joint(child, carriers) for child in meshes if child != ROOT}
@@ -159,7 +160,9 @@ class _Reader:
         if kind not in ("prismatic", "revolute", "continuous"):
             raise _Broken(f'its joint {name} has the type "{kind}"')
         T_base_child = self._placed(child)
-        axis = joint.find("axis")
+        axis = _triple(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
+        if not axis.any():
+            raise _Broken(f"its joint {name} has no axis direction")
         lower, upper = _limits(joint) if kind != "continuous" else (0.0, 0.0)
         return MovingJoint(
             name=name,
@@ -167,7 +170,7 @@ class _Reader:
             parent=carriers[_name(joint, "parent")],
             child=child,
             origin=np.array(T_base_child.translation),
-            axis=unit(T_base_child.rotation @ _triple(axis, "xyz", (1.0, 0.0, 0.0))),
+            axis=unit(T_base_child.rotation @ axis),
             lower=lower,
             upper=upper,
         )
@@ -244,7 +247,7 @@ def _read_obj(path: Path) -> Mesh:
                 vertices.append([x, y, z])
             case ["f", *corners]:
                 ring = [_corner(corner, len(vertices), name) for corner in corners]
-                faces += [(ring[0], b, c) for b, c in zip(ring[1:-1], ring[2:], strict=True)]
+                faces += [(ring[0], b, c) for b, c in pairwise(ring[1:])]
     if not vertices or not faces:
         raise _Broken(f"its mesh {name} has no triangles")
     values = _floats([word for row in vertices for word in row], f"vertices of {name}")
@@ -253,7 +256,7 @@ def _read_obj(path: Path) -> Mesh:
 
 def _corner(text: str, count: int, name: str) -> int:
     try:
-        index = int(text.split("/")[0])
+        index = int(text.partition("/")[0])
     except ValueError:
         raise _Broken(f"a face of {name} cannot be read") from None
     index = index - 1 if index > 0 else count + index

@@ -6,7 +6,6 @@ Nothing is copied from the source folder but into the user's cache.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from worlds.assets.build import Design, Joint, Link, realise
 from worlds.assets.convex import convex_parts
 from worlds.assets.function import Function, functional_part
 from worlds.assets.mobility import ROOT, Mobility, MovingJoint, read
-from worlds.assets.solids import Mesh, merged, moved
+from worlds.assets.solids import merged, moved
 
 TYPICAL_HEIGHT = {"Bottle": 0.22, "Dispenser": 0.19}
 """Height of an everyday instance [m]: drink bottles are 0.20 to 0.24, soap dispensers 0.18 to 0.20."""
@@ -64,12 +63,12 @@ def names(root: Path, category: str, split: Split | None = None) -> list[str]:
         present = ", ".join(sorted(path.name for path in root.iterdir() if path.is_dir())) or "no folders"
         raise BadInput(f"The folder {root} has no {category}; it has: {present}.")
     listed = sorted(path.name for path in folder.iterdir() if path.is_dir())
-    return [name for name in listed if split in (None, split_of(category, name))]
+    return [name for name in listed if split in (None, split_of(name))]
 
 
-def split_of(category: str, instance: str) -> Split:
+def split_of(instance: str) -> Split:
     """The split of an instance, from a hash of its name."""
-    return "unseen" if int(content_hash(category, instance), 16) % HELD_OUT == 0 else "seen"
+    return "unseen" if int(content_hash("partnet-mobility", instance), 16) % HELD_OUT == 0 else "seen"
 
 
 def make(root: Path, source: str, category: str, instance: str) -> Asset:
@@ -101,21 +100,11 @@ def _scale(model: Mobility, category: str) -> tuple[float, str]:
     return factor, f"size supplied: {1000 * height:.0f} mm tall and {1000 * factor * narrow:.0f} mm narrow"
 
 
-@dataclass(frozen=True, slots=True)
-class _Frames:
-    """Link frames ``(3,)`` in the model frame, by link."""
-
-    origins: dict[str, Array]
-
-    def local(self, link: str, meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
-        return tuple(moved(mesh, -self.origins[link]) for mesh in meshes)
-
-
 def _design(model: Mobility, function: Function, source: str, category: str, notes: tuple[str, ...]) -> Design:
     body = model.vertices(ROOT)
     middle = 0.5 * (body.min(axis=0) + body.max(axis=0))
-    frames = _Frames({ROOT: middle} | {child: joint.origin for child, joint in model.joints.items()})
-    links = tuple(_link(model, name, frames, function) for name in (ROOT, *model.joints))
+    origins = {ROOT: middle} | {child: joint.origin for child, joint in model.joints.items()}
+    links = tuple(_link(model, name, origins[name], function) for name in (ROOT, *model.joints))
     if not links[0].solids:
         raise BadAsset(model.instance, "its body has no volume")
     return Design(
@@ -123,17 +112,17 @@ def _design(model: Mobility, function: Function, source: str, category: str, not
         category=category,
         instance=model.instance,
         topology="+".join(joint.type for joint in model.chain(function.part.link)),
-        split=split_of(category, model.instance),
+        split=split_of(model.instance),
         links=links,
-        joints=tuple(_joint(joint, frames, function) for joint in model.joints.values()),
+        joints=tuple(_joint(joint, origins[joint.parent], function) for joint in model.joints.values()),
         part=function.part_from(middle),
         long_axis=_long_axis(model, function),
         notes=notes,
     )
 
 
-def _link(model: Mobility, name: str, frames: _Frames, function: Function) -> Link:
-    meshes = frames.local(name, model.meshes[name])
+def _link(model: Mobility, name: str, origin: Array, function: Function) -> Link:
+    meshes = tuple(moved(mesh, -origin) for mesh in model.meshes[name])
     fixed = name == ROOT
     colour = BODY_COLOUR if fixed else PART_COLOUR if name == function.part.link else OTHER_COLOUR
     return Link(
@@ -145,7 +134,7 @@ def _link(model: Mobility, name: str, frames: _Frames, function: Function) -> Li
     )
 
 
-def _joint(joint: MovingJoint, frames: _Frames, function: Function) -> Joint:
+def _joint(joint: MovingJoint, origin: Array, function: Function) -> Joint:
     lower, upper = function.limits.get(joint.name, (joint.lower, joint.upper))
     start = function.starts.get(joint.name, 0.0 if joint.type == "continuous" else float(np.clip(0.0, lower, upper)))
     match joint.type:
@@ -155,7 +144,7 @@ def _joint(joint: MovingJoint, frames: _Frames, function: Function) -> Joint:
                 type=kind,
                 parent=_written(joint.parent),
                 child=joint.child,
-                origin=joint.origin - frames.origins[joint.parent],
+                origin=joint.origin - origin,
                 axis=joint.axis,
                 lower=lower,
                 upper=upper,
@@ -180,7 +169,7 @@ def _long_axis(model: Mobility, function: Function) -> Array:
     extent = np.ptp(everything, axis=0)
     axis = np.eye(3)[int(np.argmax(extent))]
     towards = function.part.point - model.vertices(ROOT).mean(axis=0)
-    return axis if axis @ towards >= 0.0 else -axis
+    return np.asarray(axis if axis @ towards >= 0.0 else -axis)
 
 
 def _written(link: str) -> str:

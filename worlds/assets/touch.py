@@ -14,6 +14,9 @@ DIRECTIONS = 12
 SECTOR = np.cos(np.radians(25.0))
 """Finger pads 20 mm wide beside a 25 mm radius cover about 25 degrees on either side."""
 
+FLUSH = 0.0003
+"""Where the body comes this close to the lid's outline, fingers around the lid touch the body too [m]."""
+
 FINGERTIP = 0.006
 """Half the side of the spot a fingertip needs [m]."""
 
@@ -24,14 +27,17 @@ LEVEL = 0.002
 """Height differences under a fingertip that still count as flat [m]."""
 
 
+UPRIGHT = 0.3
+"""Triangles steeper than this cosine between normal and pressing direction carry no fingertip."""
+
 ENOUGH = 0.4
 """Share of a fingertip that must be carried: a bar half as wide as the tip carries it."""
 
-HEIGHT_WORTH, CENTRE_WORTH = 20.0, 5.0
-"""A spot 10 mm higher, or 40 mm nearer to the line of motion, makes up for 0.2 less support [1/m]."""
+HEIGHT_WORTH, CENTRE_WORTH = 20.0, 15.0
+"""A spot 10 mm higher, or 13 mm nearer to the line of motion, makes up for 0.2 less support [1/m]."""
 
 
-def frame_along(direction: Array) -> Array:
+def _frame_along(direction: Array) -> Array:
     """A right-handed ``(3, 3)`` rotation whose third column is ``direction``."""
     z = unit(direction)
     x = perpendicular(z)
@@ -50,7 +56,7 @@ def grip(lid: Array, body: Array, centre: Array, outward: Array) -> tuple[float,
     Returns:
         Height of the band [m] and width between the fingers [m], for the best closing direction.
     """
-    R = frame_along(outward)
+    R = _frame_along(outward)
     lid, body = (lid - centre) @ R, (body - centre) @ R
     angles = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
     bands = [_band(lid, body, np.array([np.cos(angle), np.sin(angle)])) for angle in angles]
@@ -62,7 +68,7 @@ def _band(lid: Array, body: Array, direction: Array) -> tuple[float, float]:
     half = np.abs(across).max()
     reach = np.linalg.norm(body[:, :2], axis=1)
     facing = np.abs(body[:, :2] @ direction) > SECTOR * reach
-    blocking = body[facing & (reach > 1.03 * half), 2]
+    blocking = body[facing & (reach > half - FLUSH), 2]
     floor = max(float(lid[:, 2].min()), float(blocking.max(initial=-np.inf)))
     return float(lid[:, 2].max()) - floor, float(np.ptp(across))
 
@@ -79,15 +85,15 @@ def flat_spot(part: tuple[Mesh, ...], others: tuple[Mesh, ...], axis_point: Arra
     Returns:
         A point ``(3,)`` on the part's outer surface.
     """
-    R = frame_along(outward)
-    top = (dense(merged(part), 0.8 * CELL) - axis_point) @ R
+    R = _frame_along(outward)
+    top = (_upper_surface(part, outward) - axis_point) @ R
     corner = top[:, :2].min(axis=0) - 2.0 * FINGERTIP
     shape = tuple(np.ceil((np.ptp(top[:, :2], axis=0) + 4.0 * FINGERTIP) / CELL).astype(int) + 1)
     heights = _height_map(top, corner, shape)
-    roof = _height_map((dense(merged(others), 0.8 * CELL) - axis_point) @ R, corner, shape)
+    roof = _height_map((_upper_surface(others, outward) - axis_point) @ R, corner, shape)
     heights[roof > heights] = -np.inf
     cells = np.argwhere(np.isfinite(heights))
-    scores = np.array([_support(heights, cell) for cell in cells])
+    scores = np.array([_support(heights, row, column) for row, column in cells])
     if not len(cells) or scores.max() < ENOUGH:
         return None
     spots = corner + (cells + 0.5) * CELL
@@ -95,6 +101,15 @@ def flat_spot(part: tuple[Mesh, ...], others: tuple[Mesh, ...], axis_point: Arra
     worth = scores + HEIGHT_WORTH * levels - CENTRE_WORTH * np.linalg.norm(spots, axis=1)
     best = int(np.argmax(np.where(scores >= ENOUGH, worth, -np.inf)))
     return np.asarray(axis_point + R @ np.array([*spots[best], levels[best]]))
+
+
+def _upper_surface(meshes: tuple[Mesh, ...], outward: Array) -> Array:
+    """Points on the triangles that do not stand upright; imported meshes may face either way."""
+    whole = merged(meshes)
+    a, b, c = (whole.vertices[whole.faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    lying = np.abs(normals @ outward) > UPRIGHT * np.linalg.norm(normals, axis=1)
+    return dense(Mesh(whole.vertices, whole.faces[lying]), 0.8 * CELL, most=128)
 
 
 def _height_map(cloud: Array, corner: Array, shape: tuple[int, ...]) -> Array:
@@ -105,9 +120,8 @@ def _height_map(cloud: Array, corner: Array, shape: tuple[int, ...]) -> Array:
     return heights
 
 
-def _support(heights: Array, cell: Array) -> float:
-    """Share of the fingertip's cells around ``cell`` that carry it: level with it; 0 where one stands above."""
+def _support(heights: Array, row: int, column: int) -> float:
+    """Share of the fingertip's cells around one cell that carry it: level with it; 0 where one stands above."""
     reach = round(FINGERTIP / CELL)
-    row, column = cell
     window = heights[row - reach : row + reach + 1, column - reach : column + reach + 1] - heights[row, column]
     return 0.0 if window.max() > LEVEL else float((window > -LEVEL).mean())

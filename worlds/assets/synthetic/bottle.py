@@ -63,7 +63,7 @@ def make(instance: str) -> Asset:
                 Link("lid", _lid(closure, rng, lid_radius, lid_height), LID_DENSITY, pastel(rng, dark=True)),
             ),
             joints=(joint,),
-            part=_part(joint, seat + [0.0, 0.0, 0.5 * lid_height]),
+            part=_part(joint, seat + np.array([0.0, 0.0, 0.5 * lid_height])),
             long_axis=np.array([0.0, 0.0, 1.0]),
         )
     )

@@ -13,7 +13,7 @@ import numpy as np
 from robots.spatial import Array
 from worlds.assets.asset import Asset, FunctionalPart, JointPhysics
 from worlds.assets.build import Design, Joint, Link, realise
-from worlds.assets.solids import BULLET_MARGIN, Mesh, box, merged
+from worlds.assets.solids import BULLET_MARGIN, Mesh, box, merged, moved
 from worlds.assets.synthetic.outline import PROFILES, container, cylinder, stack
 from worlds.assets.synthetic.series import Series, pastel
 
@@ -75,7 +75,7 @@ def make(instance: str) -> Asset:
     rim = np.array([0.0, 0.0, 0.5 * height])
     head = {"pump-nozzle": _pump, "push-button": _button, "spray-lever": _spray}[topology](rng, width, neck)
     joint = _joint(head, rim, force=rng.uniform(*PRESS_FORCE))
-    body = (*stack(rings), *(Mesh(solid.vertices + rim, solid.faces) for solid in head.fixed))
+    body = (*stack(rings), *(moved(solid, rim) for solid in head.fixed))
     return realise(
         Design(
             source="synthetic",
