@@ -243,3 +243,25 @@ def test_real_models_have_everyday_size_and_weight() -> None:
             assert 0.05 < asset.mass < 0.35
             assert abs(asset.part.point).max() < 0.25
             assert asset.part.point @ asset.long_axis > 0.0
+
+
+def test_hinged_handle_is_pressed_where_no_lid_slides(root: Path) -> None:
+    folder = write(root, limits=(-0.001, 0.0), category="Dispenser")
+    path = folder / "mobility.urdf"
+    handle = link("link_2", ["handle.obj"]) + joint(
+        "joint_3",
+        "revolute",
+        "link_0",
+        "link_2",
+        '<origin xyz="0.2 0.7 0"/><axis xyz="0 0 1"/><limit lower="-0.3" upper="0"/>',
+    )
+    path.write_text(path.read_text().replace("</robot>", f"{handle}</robot>"))
+    (folder / "textured_objs/handle.obj").write_text(obj((0.4, 0.1, 0.2), (0.2, 0.0, 0.0)))
+    with (folder / "semantics.txt").open("a") as file:
+        file.write("link_2 hinge handle\n")
+    part = made(root, "Dispenser").part
+    scale = 0.19 / 1.4
+    assert (part.kind, part.joint, part.sense) == ("press", "joint_3", -1.0)
+    assert part.travel == pytest.approx(0.3)
+    assert part.axis[2] < -0.95
+    assert 0.1 * scale < part.lever <= 0.41 * scale

@@ -201,12 +201,11 @@ class BulletWorld:
         """Drive both fingers to an opening of one finger [m] with at most ``force`` [N] each."""
         arm = self.arms[side]
         grip = arm.model.gripper
-        self.client.setJointMotorControlArray(
-            arm.body, arm.fingers, self.client.POSITION_CONTROL, targetPositions=[opening] * 2,
-            forces=[min(force, grip.force_limit)] * 2,
-        )
         for joint in arm.fingers:
-            self.client.changeDynamics(arm.body, joint, maxJointVelocity=grip.finger_velocity)
+            self.client.setJointMotorControl2(
+                arm.body, joint, self.client.POSITION_CONTROL, targetPosition=opening,
+                force=min(force, grip.force_limit), maxVelocity=grip.finger_velocity,
+            )
 
     def arm_positions(self, side: Side) -> Array:
         """Measured joint positions ``(7,)`` [rad]."""
