@@ -33,9 +33,6 @@ STANDOFF = 0.008
 SOLUTIONS = 4
 """Joint solutions tried for one hand pose."""
 
-SQUEEZE = 0.004
-"""How far inside the observed surface closing fingers are commanded, each [m]."""
-
 
 @dataclass(frozen=True, slots=True)
 class Reject:

@@ -40,9 +40,6 @@ CLOSE_TIME = 1.1
 OPEN_TIME = 0.6
 """Time given to the fingers to open around a part [s]."""
 
-SQUEEZE = 0.012
-"""How far inside the expected surface each finger is commanded, so that force and not position ends the closing [m]."""
-
 Setup = Callable[[], None]
 
 
@@ -136,7 +133,7 @@ class _Builder:
 
         free = self._free("pregrasp", side, hold.approach.points[0], resting, ON_TABLE, FREE_SPEED)
         approach = self._timed("pregrasp", side, "approach", hold.approach, resting, ON_TABLE, CONTACT_SPEED)
-        return [free, approach, self._close(hold.opening, self.by_assistant + ON_TABLE)]
+        return [free, approach, self._close(self.by_assistant + ON_TABLE)]
 
     def lift(self) -> list[Motion | Grip]:
         allowed = self.by_assistant + ON_TABLE
@@ -156,7 +153,7 @@ class _Builder:
             self._timed("operate", side, "approach", action.approach, near, self.by_assistant, CONTACT_SPEED),
         ]
         if action.candidate.kind != "press":
-            steps.append(self._close(action.opening, self.by_both))
+            steps.append(self._close(self.by_both))
         steps.append(self._timed("operate", side, action.template, action.operate, touch, self.by_both, OPERATE_SPEED))
         return steps
 
@@ -180,8 +177,9 @@ class _Builder:
             openings[roles.primary] = primary_opening
         return lambda: self.checker.held(roles.assistant, hold.T_hand_object, openings, allowed)
 
-    def _close(self, expected: float, allowed: list[Pair]) -> Grip:
-        return Grip(opening=max(0.0, round(expected - SQUEEZE, 6)), force=physics.GRIP_FORCE, duration=CLOSE_TIME, allowed=allowed)
+    def _close(self, allowed: list[Pair]) -> Grip:
+        """Close until the object stops the fingers: force, not position, ends it."""
+        return Grip(opening=0.0, force=physics.GRIP_FORCE, duration=CLOSE_TIME, allowed=allowed)
 
     def _free(self, stage: StageName, side: Side, goal: Array, setup: Setup, allowed: list[Pair], speed: float) -> Motion:
         setup()

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from robots.spatial import Array, frozen, points
-from worlds.assets.asset import Asset, FunctionalPart
+from robots.spatial import Array, frozen
+from worlds.assets.asset import FunctionalPart
+from worlds.assets.shape import collision_vertices
 from worlds.bullet.render import render
 from worlds.bullet.world import BulletWorld
 from worlds.observe import Observation
@@ -45,7 +46,7 @@ def truth(world: BulletWorld, observation: Observation) -> Truth:
         part=world.asset.part,
         centre=frozen(centre_of_mass(world)),
         long_axis=world.asset.long_axis,
-        part_vertices=frozen(part_vertices(world.asset)),
+        part_vertices=collision_vertices(world.asset)[world.asset.part.link],
         movable=point_links(world, observation) == world.asset.part.link,
     )
 
@@ -76,40 +77,3 @@ def centre_of_mass(world: BulletWorld) -> Array:
             at = client.getLinkState(world.object, link, computeForwardKinematics=1)[0]
         total, moment = total + mass, moment + mass * inverse.act(np.asarray(at))
     return moment / total
-
-
-def part_vertices(asset: Asset) -> Array:
-    """Vertices ``(k, 3)`` of the functional part's collision geometry at its start, in the body frame [m]."""
-    model = pin.buildModelFromUrdf(str(asset.urdf))
-    geometry = pin.buildGeomFromUrdf(model, str(asset.urdf), pin.GeometryType.COLLISION)
-    q = pin.neutral(model)
-    for name, joint in asset.joints.items():
-        _set_joint(model, q, name, joint.start)
-    data = model.createData()
-    pin.forwardKinematics(model, data, q)
-    frame = model.getFrameId(asset.part.link)
-    found = [
-        points(data.oMi[shape.parentJoint] * shape.placement, _corners(shape.geometry))
-        for shape in geometry.geometryObjects
-        if shape.parentFrame == frame
-    ]
-    return np.concatenate(found)
-
-
-def _set_joint(model: pin.Model, q: Array, name: str, value: float) -> None:
-    joint = model.joints[model.getJointId(name)]
-    if joint.nq == 2:  # Pinocchio holds an unlimited turning joint as cosine and sine
-        q[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
-    else:
-        q[joint.idx_q] = value
-
-
-def _corners(geometry: object) -> Array:
-    """Vertices of a mesh or hull; for primitives the corners of their bounding box."""
-    if hasattr(geometry, "vertices"):
-        return np.asarray(geometry.vertices())
-    geometry.computeLocalAABB()  # type: ignore[attr-defined]
-    box = geometry.aabb_local  # type: ignore[attr-defined]
-    low, high = np.asarray(box.min_), np.asarray(box.max_)
-    grid = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1)
-    return grid.reshape(-1, 3)

@@ -7,10 +7,11 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from robots.errors import BadAsset
-from robots.spatial import pose
+from robots.spatial import Array
 from robots.workcell import Workcell
 from worlds import physics
 from worlds.assets.asset import Asset
+from worlds.assets.shape import collision_vertices
 from worlds.bullet.world import BulletWorld
 
 SPREAD = 0.08
@@ -33,9 +34,10 @@ def build(workcell: Workcell, asset: Asset, seed: int) -> BulletWorld:
     """
     world = BulletWorld(workcell, asset)
     rng = np.random.default_rng([seed, 0x5CE])
+    vertices = np.concatenate(list(collision_vertices(asset).values()))
     try:
         for _ in range(ATTEMPTS):
-            _drop(world, rng)
+            _drop(world, vertices, rng)
             if world.settle_object() and _inside(world):
                 world.time = 0.0
                 return world
@@ -46,17 +48,15 @@ def build(workcell: Workcell, asset: Asset, seed: int) -> BulletWorld:
     raise BadAsset(asset.instance, f"it did not come to rest on the table in any of {ATTEMPTS} drops")
 
 
-def _drop(world: BulletWorld, rng: np.random.Generator) -> None:
+def _drop(world: BulletWorld, vertices: Array, rng: np.random.Generator) -> None:
     middle = np.asarray(world.workcell.shared[:2])
     R = Rotation.random(random_state=rng).as_matrix()
     xy = middle + rng.uniform(-SPREAD, SPREAD, 2)
-    world.put_object(pin.SE3(R, np.array([*xy, 1.0])))
-    low, _ = world.object_bounds()
-    lift = world.workcell.table.top + physics.DROP_HEIGHT - float(low[2])
-    world.put_object(pose((0.0, 0.0, lift)) * pin.SE3(R, np.array([*xy, 1.0])))
+    lowest = float((vertices @ R[2]).min())
+    world.put_object(pin.SE3(R, np.array([*xy, world.workcell.table.top + physics.DROP_HEIGHT - lowest])))
 
 
 def _inside(world: BulletWorld) -> bool:
     low, high = world.object_bounds()
     off = (low + high)[:2] / 2 - np.asarray(world.workcell.shared[:2])
-    return bool(np.abs(off).max() < REGION and low[2] > world.workcell.table.top - 0.02)
+    return bool(np.abs(off).max() < REGION and world.object_pose().translation[2] > world.workcell.table.top)

@@ -11,8 +11,7 @@ from robots.errors import BadInput, UnknownName
 from robots.spatial import pose
 from worlds.assets.asset import Asset, Rejected
 from worlds.assets.library import choose, load, names, parse_source, survey
-from worlds.bullet.client import Client
-from worlds.bullet.world import joint_numbers
+from worlds.bullet.client import Client, joint_numbers
 
 PARTNET = Path(__file__).parents[3] / "shared/assets/objects/partnet_mobility"
 SOURCES = (
@@ -24,7 +23,7 @@ CATEGORIES = ("Bottle", "Dispenser")
 
 def check_simulates(client: Client, asset: Asset) -> None:
     """Masses, limits and 20 steps of free fall of one asset."""
-    body = client.load_urdf(asset.urdf, pose((0.0, 0.0, 1.0)), fixed=False)
+    body = client.load_urdf(asset.urdf, pose((0.0, 0.0, 1.0)), fixed=False, flags=client.URDF_USE_INERTIA_FROM_FILE)
     joints, links = joint_numbers(client, body)
     assert set(joints) == set(asset.joints)
     assert asset.part.link in links

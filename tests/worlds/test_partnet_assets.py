@@ -108,7 +108,8 @@ def test_dispenser_is_pressed_from_its_upper_end(root: Path) -> None:
     scale = 0.19 / 1.4
     assert asset.part.kind == "press"
     assert asset.part.axis == pytest.approx([0.0, 0.0, -1.0])
-    assert (asset.part.sense, asset.part.start) == (-1.0, pytest.approx(0.0))
+    assert asset.part.sense == -1.0
+    assert asset.part.start == pytest.approx(0.0)
     assert asset.part.travel == pytest.approx(0.1 * scale)
     assert asset.part.point == pytest.approx([0.0, 0.0, 0.8 * scale], abs=2e-3)
 

@@ -15,8 +15,7 @@ from worlds.assets.asset import Asset
 from worlds.assets.library import load, names
 from worlds.assets.solids import box, mass_properties, volume
 from worlds.assets.synthetic.outline import PROFILES, container, cylinder, stack
-from worlds.bullet.client import Client
-from worlds.bullet.world import joint_numbers
+from worlds.bullet.client import Client, joint_numbers
 
 CATEGORIES = ("Bottle", "Dispenser")
 SAMPLE = tuple((category, name) for category in CATEGORIES for name in names("synthetic", category)[::7])
@@ -36,9 +35,46 @@ def clearance(asset: Asset, steps: int = 10) -> float:
             client.resetJointState(body, joints[asset.part.joint], position)
             near = client.getClosestPoints(body, body, 0.05, linkIndexA=-1, linkIndexB=link)
             gaps += [contact[8] for contact in near]
-        return min(gaps)
+        return float(min(gaps))
     finally:
         client.close()
+
+
+PISTON = """<robot name="piston"><link name="base"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="tip"><inertial><mass value="0.2"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>
+</inertial><collision><geometry><box size="0.012 0.012 0.02"/></geometry></collision></link>
+<joint name="slide" type="prismatic"><parent link="base"/><child link="tip"/><axis xyz="0 0 -1"/>
+<limit lower="-1" upper="1" effort="100" velocity="10"/></joint></robot>"""
+PISTON_WEIGHT = 0.2 * 9.81
+
+
+def pressed_by(asset: Asset, share: float, piston: Path) -> float:
+    """Share of the travel after two seconds under ``share`` times the resistance, through contact alone."""
+    piston.write_text(PISTON)
+    part, friction = asset.part, asset.joints[asset.part.joint].friction
+    client = Client()
+    try:
+        client.setGravity(0, 0, -9.81)
+        client.setPhysicsEngineParameter(numSolverIterations=150)
+        body = client.load_urdf(asset.urdf, pose((0.0, 0.0, 0.0)), fixed=True, flags=client.URDF_USE_INERTIA_FROM_FILE)
+        client.setJointMotorControl2(body, 0, client.VELOCITY_CONTROL, targetVelocity=0.0, force=friction)
+        client.changeDynamics(body, 0, jointDamping=0.0)
+        tip = client.load_urdf(piston, pose(part.point + np.array([0.0, 0.0, 0.0115])), fixed=True)
+        force = share * friction / (part.lever or 1.0) - PISTON_WEIGHT
+        for _ in range(480):
+            client.setJointMotorControl2(tip, 0, client.VELOCITY_CONTROL, targetVelocity=0.05, force=force)
+            client.stepSimulation()
+        return float(client.getJointState(body, 0)[0] / part.travel)
+    finally:
+        client.close()
+
+
+@pytest.mark.parametrize("instance", ["dispenser-000", "dispenser-001", "dispenser-002"])
+def test_head_gives_way_at_its_resistance(instance: str, tmp_path: Path) -> None:
+    asset = load("synthetic", "Dispenser", instance)
+    assert pressed_by(asset, 0.8, tmp_path / "piston.urdf") < 0.1
+    assert pressed_by(asset, 1.4, tmp_path / "piston.urdf") > 0.95
 
 
 def check_proportions(asset: Asset) -> None:

@@ -1,4 +1,7 @@
-"""How does a described object become an ``Asset``: a URDF with meshes in the cache, and one digest of it all?"""
+"""How does a described object become an ``Asset``: a URDF with meshes in the cache, and one digest of it all?
+
+Load the URDF with PyBullet's ``URDF_USE_INERTIA_FROM_FILE``, else the inertia written here is replaced by a guess.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,17 @@ from worlds.assets.solids import MassProperties, Mesh, mass_properties, merged
 
 SPECK = MassProperties(0.001, np.zeros(3), 1e-7 * np.eye(3))
 """What a link without shapes weighs: one gram, as a 16 mm ball; Bullet needs every link to have inertia."""
+
+LEAST_MOVING_MASS = 0.020
+"""Least mass of a moving link with shapes [kg]: a pump's head with its stem, spring and piston weighs as much.
+
+The solver passes friction on in small impulses, each at most the link's mass times its speed. Measured at 150
+iterations: a 5 g head gave way at 0.7 of its resistance, a 20 g head between 0.9 and 1.1.
+"""
+
+ARMATURE = 3e-4
+"""Inertia added to a turning link [kg m^2], for the same reason: a 12 g cap alone (2e-6) turned at a fifth of its
+0.29 N m, with 3e-4 at 0.25 to 0.29 (0.3 to 0.7 rad/s). At 5 rad/s^2 it costs 1.5 mN m, far below any joint's friction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +104,8 @@ class Design:
 
 def realise(design: Design) -> Asset:
     """The asset of ``design``, its files written to the cache unless they are there already."""
-    masses = {link.name: _mass_of(link) for link in design.links}
+    above = {joint.child: joint for joint in design.joints}
+    masses = {link.name: _mass_of(link, above.get(link.name)) for link in design.links}
     meshes = {name: _obj(mesh) for link in design.links for name, mesh in _meshes_of(link)}
     relative = _urdf(design, masses, prefix="")
     digest = content_hash(relative, _physics_text(design), *(part for item in sorted(meshes.items()) for part in item))
@@ -114,8 +129,15 @@ def realise(design: Design) -> Asset:
     )
 
 
-def _mass_of(link: Link) -> MassProperties:
-    return mass_properties(link.solids, link.density) if link.solids else SPECK
+def _mass_of(link: Link, above: Joint | None) -> MassProperties:
+    if not link.solids:
+        return SPECK
+    found = mass_properties(link.solids, link.density)
+    if above is None:
+        return found
+    heavier = max(1.0, LEAST_MOVING_MASS / found.mass)
+    armature = 0.0 if above.type == "prismatic" else ARMATURE
+    return MassProperties(heavier * found.mass, found.centre, heavier * found.inertia + armature * np.eye(3))
 
 
 def _meshes_of(link: Link) -> Iterable[tuple[str, Mesh]]:

@@ -194,7 +194,7 @@ def _pressed(model: Mobility, head: str, slide: MovingJoint) -> Function:
     engaged = _overlap(model, head, outward)
     raised = float(np.clip(engaged, low + LEAST_RANGE, high))
     travel = raised - low
-    point = _pressed_point(model, head, slide, raised * outward, outward)
+    point = _pressed_point(model, head, slide.origin, outward) + raised * outward
     part = FunctionalPart(
         kind="press",
         link=head,
@@ -217,12 +217,13 @@ def _overlap(model: Mobility, head: str, outward: Array) -> float:
     return float((model.vertices(ROOT) @ outward).max() - (model.vertices(head) @ outward).min())
 
 
-def _pressed_point(model: Mobility, part: str, joint: MovingJoint, shift: Array, outward: Array) -> Array:
+def _pressed_point(model: Mobility, part: str, near: Array, outward: Array) -> Array:
+    """The best flat spot as modelled, close to the line through ``near`` along ``outward``."""
     others = tuple(mesh for link, meshes in model.meshes.items() if link != part for mesh in meshes)
-    spot = flat_spot(model.meshes[part], others, joint.origin, outward)
+    spot = flat_spot(model.meshes[part], others, near, outward)
     if spot is None:
         raise BadAsset(model.instance, "it has no flat spot of 12 x 12 mm to press")
-    return spot + shift
+    return spot
 
 
 def _squeezed(model: Mobility, handle: str) -> Function:
@@ -236,7 +237,7 @@ def _squeezed(model: Mobility, handle: str) -> Function:
     reach = np.linalg.norm(arms, axis=1)
     tip = arms[int(np.argmax(reach))] / reach.max()
     inward = sense * np.cross(hinge.axis, tip)
-    point = _pressed_point(model, handle, hinge, np.zeros(3), -inward)
+    point = _pressed_point(model, handle, hinge.origin + reach.max() * tip, -inward)
     arm = point - hinge.origin
     arm -= (arm @ hinge.axis) * hinge.axis
     lever = float(np.linalg.norm(arm))

@@ -121,7 +121,9 @@ class BulletWorld:
 
     def _load_object(self, asset: Asset) -> None:
         client = self.client
-        self.object = client.load_urdf(asset.urdf, pose((0.0, 0.0, 1.0)), fixed=False)
+        self.object = client.load_urdf(
+            asset.urdf, pose((0.0, 0.0, 1.0)), fixed=False, flags=client.URDF_USE_INERTIA_FROM_FILE
+        )
         self.object_joints, links = joint_numbers(client, self.object)
         self.object_links = {number: name for name, number in links.items()}
         for link in range(-1, client.getNumJoints(self.object)):
@@ -159,7 +161,10 @@ class BulletWorld:
         return T_world_inertia * from_bullet(info[3], info[4]).inverse()
 
     def object_bounds(self) -> tuple[Array, Array]:
-        """Lower and upper corner of the object's bounding box in the world frame [m] (privileged)."""
+        """Lower and upper corner of the object's bounding box in the world frame [m] (privileged).
+
+        PyBullet's boxes are loose: they may reach some millimetres beyond the object.
+        """
         boxes = [self.client.getAABB(self.object, k) for k in range(-1, self.client.getNumJoints(self.object))]
         lows, highs = zip(*boxes, strict=True)
         return np.min(lows, axis=0), np.max(highs, axis=0)
