@@ -31,7 +31,7 @@ iterations: a 5 g head gave way at 0.7 of its resistance, a 20 g head between 0.
 
 ARMATURE = 3e-4
 """Inertia added to a turning link [kg m^2], for the same reason: a 12 g cap alone (2e-6) turned at a fifth of its
-0.29 N m, with 3e-4 at 0.25 to 0.29 (0.3 to 0.7 rad/s). At 5 rad/s^2 it costs 1.5 mN m, far below any joint's friction."""
+0.29 N m, with 3e-4 at 0.25 to 0.29 (0.3 to 0.7 rad/s). At 5 rad/s^2 it costs 1.5 mN m, far below any friction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
