@@ -84,7 +84,7 @@ class HeuristicProposer:
         needed = part.threshold * (part.lever or 1.0)
         return GoalCandidate(
             kind="press", T_world_hand=pin.SE3(R, point + self.gripper.tip_offset * outward), opening=0.0,
-            direction=-outward, point=point, amount=min(0.9 * travel, needed + 0.006), outward=outward, score=1.0,
+            direction=-outward, point=point, amount=min(0.75 * travel, needed + 0.005), outward=outward, score=1.0,
         )
 
     def _grasp_part(self, T_world_body: pin.SE3, outward: Array, roll: float) -> GoalCandidate | None:

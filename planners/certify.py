@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planners.collision import CollisionWorld, Contact
+from planners.motion import both_arms, past_limit
 from planners.timing import peaks
 from robots.model import ArmKinematics
 from robots.spatial import Array
@@ -20,7 +21,11 @@ STEP_JOINT = 0.01
 """Largest joint change between checked states [rad]."""
 
 CLEARANCE_EVERY = 40
-"""Every how many checked states the clearance is measured."""
+"""Every how many checked states the clearance is measured, besides at every state inside the margin."""
+
+MARGIN_KEPT = 0.5
+"""Share of the world's margin that must remain. Planners keep all of it at the states that they check; between these,
+and where a curve rounds a corner, some of it may go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +36,8 @@ class Certificate:
         states: States checked for collision.
         max_velocity_ratio: Largest velocity over its limit.
         max_acceleration_ratio: Largest acceleration over its limit.
-        min_clearance: Smallest distance between bodies that may not touch [m], measured at a subset of the states.
+        min_clearance: Smallest distance between bodies that may not touch [m]; exact at every state inside the margin,
+            else measured at the first, the last and every ``CLEARANCE_EVERY``-th state.
     """
 
     states: int
@@ -54,40 +60,73 @@ class Uncertified:
     reason: str
     contact: Contact | None
 
+    def __str__(self) -> str:
+        return f"at {self.time:.2f} s: {self.reason}"
+
 
 def certify(
     world: CollisionWorld, arm: ArmKinematics, model: ArmModel, trajectory: Trajectory, q_other: Array
 ) -> Certificate | Uncertified:
     """Check the stored curve of one arm against limits and, in the world's present state, for contact.
 
-    Velocity and acceleration peaks are exact for the cubic curve; positions are checked at the sampled states.
+    Velocity and acceleration peaks are exact for the cubic curve; positions and contacts are checked at sampled states,
+    at most ``STEP_TIME`` and ``STEP_JOINT`` apart. A state passes with ``MARGIN_KEPT`` of the world's margin.
+
+    Args:
+        world: Collisions, set up as they will be during the motion.
+        arm: The arm that moves.
+        model: Whose velocity and acceleration limits hold.
+        trajectory: The curve.
+        q_other: Joint positions of the other arm ``(7,)`` [rad].
     """
-    v, a = peaks(trajectory)
-    v_ratio, a_ratio = float((v / np.asarray(model.velocity)).max()), float((a / np.asarray(model.acceleration)).max())
-    if max(v_ratio, a_ratio) > 1.0:
-        what, ratio = ("velocity", v_ratio) if v_ratio > 1.0 else ("acceleration", a_ratio)
-        return Uncertified(0.0, f"{what} reaches {100 * ratio:.1f} % of its limit", None)
+    ratios = _ratios(model, trajectory)
+    if isinstance(ratios, Uncertified):
+        return ratios
     times = _times(trajectory)
     positions = trajectory.sample(times)[0]
+    if past := _outside(arm, times, positions):
+        return past
+    nearest = world.clearance(both_arms(arm, positions[0], q_other))[0]
+    for k, q in enumerate(positions):
+        both = both_arms(arm, q, q_other)
+        inside = not world.free(both)
+        if not inside and k % CLEARANCE_EVERY and k != len(times) - 1:
+            continue
+        distance, a, b = world.clearance(both)
+        nearest = min(nearest, distance)
+        if inside and distance <= MARGIN_KEPT * world.margin:
+            contact = Contact(a, b, max(0.0, -distance))
+            return Uncertified(float(times[k]), f"{contact} (distance {1e3 * distance:.1f} mm)", contact)
+    return Certificate(len(times), *ratios, nearest)
+
+
+def _ratios(model: ArmModel, trajectory: Trajectory) -> tuple[float, float] | Uncertified:
+    """Largest velocity and acceleration over their limits."""
+    found = []
+    limits = (("velocity", model.velocity, "rad/s"), ("acceleration", model.acceleration, "rad/s^2"))
+    for peak, (what, limit, unit) in zip(peaks(trajectory), limits, strict=True):
+        ratio = peak / np.asarray(limit)
+        k = int(np.argmax(ratio))
+        found.append(float(ratio[k]))
+        if ratio[k] > 1.0 + 1e-9:
+            series = trajectory.sample(trajectory.times)[1 if what == "velocity" else 2]
+            time = float(trajectory.times[np.argmax(np.abs(series[:, k]))])
+            reason = f"{model.joints[k]} reaches {what} {peak[k]:.3f} {unit}, limit {limit[k]:g}"
+            return Uncertified(time, reason, None)
+    return found[0], found[1]
+
+
+def _outside(arm: ArmKinematics, times: Array, positions: Array) -> Uncertified | None:
+    """The first state at which a joint is past its limits."""
     outside = np.flatnonzero(((positions < arm.lower - 1e-9) | (positions > arm.upper + 1e-9)).any(axis=1))
-    if outside.size:
-        return Uncertified(float(times[outside[0]]), "a joint leaves its limits", None)
-    clearance = np.inf
-    for k, (t, q) in enumerate(zip(times, positions, strict=True)):
-        both = np.concatenate([q, q_other] if arm.side == "left" else [q_other, q])
-        if not world.free(both):
-            contact = world.contact(both)
-            return Uncertified(float(t), str(contact), contact)
-        if k % CLEARANCE_EVERY == 0 or k == len(times) - 1:
-            clearance = min(clearance, world.clearance(both)[0])
-    return Certificate(len(times), v_ratio, a_ratio, float(clearance))
+    if not outside.size:
+        return None
+    joint, value, limit = past_limit(arm, positions[outside[0]])
+    return Uncertified(float(times[outside[0]]), f"{joint} at {value:.4f} rad, limit {limit:.4f} rad", None)
 
 
 def _times(trajectory: Trajectory) -> Array:
     """Times at which states are checked [s]."""
-    fine = np.linspace(0.0, trajectory.duration, max(2, int(np.ceil(trajectory.duration / STEP_TIME)) + 1))
-    fastest = float(np.abs(trajectory.velocities).max())
-    finer = fastest * STEP_TIME / STEP_JOINT
-    if finer <= 1.0:
-        return fine
-    return np.linspace(0.0, trajectory.duration, int(np.ceil(len(fine) * finer)))
+    fastest = float(peaks(trajectory)[0].max())
+    step = min(STEP_TIME, STEP_JOINT / max(fastest, 1e-9))
+    return np.linspace(0.0, trajectory.duration, int(np.ceil(trajectory.duration / step)) + 1)

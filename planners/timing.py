@@ -13,13 +13,28 @@ from robots.trajectory import Trajectory
 from robots.workcell import ArmModel
 
 SCALE = 0.9
-"""Share of the limits given to TOPP-RA: its constant-acceleration output overshoots by a few percent."""
+"""Share of the limits given to TOPP-RA, which keeps them only at its grid points."""
 
-DENSE = 0.08
-"""Spacing of the spline's support points, largest joint change [rad]; bare waypoints would let the spline leave the path."""
+DENSE = 0.1
+"""Longest step between support points of the spline [rad]: a spline through bare waypoints would leave the path."""
+
+THIN = 0.03
+"""Support points closer than this to the last one are left out [rad], as long as the spline still meets them."""
+
+STRAY = 1e-4
+"""How far the spline may pass from a point left out [rad]."""
+
+GRID = 0.03
+"""Longest path between TOPP-RA's grid points [rad]: finer than the corners of the spline, which it would miss."""
+
+FEWEST = 25
+"""Fewest stretches between grid points."""
 
 KNOT = 0.008
-"""Spacing of the stored knots [s]."""
+"""Longest time between stored knots at full speed [s]; the knots stay with the path when the motion is slower."""
+
+TINY = 1e-3
+"""Paths shorter than this are too short for a time-optimal schedule to mean anything [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,94 +47,121 @@ class NotTimeable:
         return self.reason
 
 
-def retime(path: JointPath, model: ArmModel, *, speed: float = 1.0) -> Trajectory | NotTimeable:
+def retime(path: JointPath, model: ArmModel, *, speed: float = 1.0, scale: float = SCALE) -> Trajectory | NotTimeable:
     """The fastest rest-to-rest trajectory along a path, slowed by ``speed``.
 
     TOPP-RA: Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis",
-    T-RO 2018. The stored curve itself is measured afterwards and stretched in time if it exceeds a limit.
+    T-RO 2018. The stored curve itself is measured afterwards and stretched in time if it exceeds a limit. It begins and
+    ends exactly where the path does. A path shorter than ``TINY``, even of no length, becomes one smooth step from its
+    first to its last point.
 
     Args:
-        path: ``(n, 7)`` [rad].
+        path: Joint positions ``(n, 7)`` [rad].
         model: Whose limits hold.
-        speed: In ``(0, 1]``; velocities scale with it, accelerations with its square.
+        speed: In ``(0, 1]``; limits of velocity scale with it, those of acceleration with its square.
+        scale: In ``(0, 1]``; share of the limits that is planned with.
     """
-    if not 0.0 < speed <= 1.0:
-        raise ValueError(f"speed must lie in (0, 1], not {speed}")
-    points = _distinct(path.points)
-    if len(points) < 2:
-        return NotTimeable("the path has no length")
-    support = densified(points)
-    velocity = SCALE * np.asarray(model.velocity)
-    acceleration = SCALE * np.asarray(model.acceleration)
-    timed = _toppra(support, velocity, acceleration)
+    if not (0.0 < speed <= 1.0 and 0.0 < scale <= 1.0):
+        raise ValueError(f"speed and scale must lie in (0, 1], not {speed} and {scale}")
+    points = _dense(path.points)
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    if length < TINY:
+        timed: _Knots | None = _step(points, model, scale)
+    else:
+        timed = _toppra(points, scale * np.asarray(model.velocity), scale * np.asarray(model.acceleration))
     if timed is None:
-        return NotTimeable(f"TOPP-RA found no parameterization of {len(support)} support points")
+        return NotTimeable(f"TOPP-RA found no speed along {length:.3f} rad of path that keeps the limits")
     times, positions, velocities = timed
+    positions, velocities = np.round(positions, 9) + 0.0, np.round(velocities * speed, 9) + 0.0
     positions[0], positions[-1] = path.points[0], path.points[-1]
     velocities[0] = velocities[-1] = 0.0
-    return _within(times / speed, positions, velocities * speed, model, speed)
+    return _within(times / speed, positions, velocities, model, speed)
 
 
-def _distinct(points: Array) -> Array:
-    kept = [points[0]]
-    for q in points[1:]:
-        if np.abs(q - kept[-1]).max() > 1e-7:
-            kept.append(q)
-    return np.array(kept)
+_Knots = tuple[Array, Array, Array]
+"""Times ``(k,)`` [s], positions ``(k, 7)`` [rad], velocities ``(k, 7)`` [rad/s]."""
 
 
-def densified(points: Array) -> Array:
-    """Points no further apart than ``DENSE``; of a path that is denser, every corner and enough others are kept."""
+def _dense(points: Array) -> Array:
+    """The points without repeated ones, and more of them wherever they are further apart than ``DENSE``."""
     out = [points[0]]
-    for a, b in zip(points[:-1], points[1:], strict=True):
-        steps = max(1, int(np.ceil(np.abs(b - a).max() / DENSE)))
-        out += [a + (b - a) * (k / steps) for k in range(1, steps + 1)]
+    for q in points[1:]:
+        step, last = float(np.abs(q - out[-1]).max()), out[-1]
+        count = int(np.ceil(step / DENSE)) if step > 1e-7 else 0
+        out += [last + (q - last) * (k / count) for k in range(1, count + 1)]
     return np.array(out)
 
 
-def _toppra(support: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array] | None:
+def _step(points: Array, model: ArmModel, scale: float) -> _Knots:
+    """One cubic from rest to rest: over a time T it peaks at 1.5 d / T and 6 d / T^2."""
+    d = np.abs(points[-1] - points[0])
+    by_velocity = float((1.5 * d / np.asarray(model.velocity)).max()) / scale
+    by_acceleration = float(np.sqrt((6.0 * d / np.asarray(model.acceleration)).max() / scale))
+    end = max(KNOT, by_velocity, by_acceleration)
+    return np.array([0.0, end]), points[[0, -1]], np.zeros((2, 7))
+
+
+def _toppra(points: Array, velocity: Array, acceleration: Array) -> _Knots | None:
+    """The time-optimal schedule: knots at TOPP-RA's grid points, where alone its acceleration along the path jumps."""
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
     import toppra
     from toppra import algorithm, constraint
 
-    spacing = np.linalg.norm(np.diff(support, axis=0), axis=1)
-    s = np.concatenate([[0.0], np.cumsum(spacing)]) / spacing.sum()
-    s[-1] = 1.0
-    grid = np.unique(np.concatenate([np.linspace(0.0, 1.0, 80), s if len(s) <= 60 else s[:: len(s) // 60 + 1], [1.0]]))
-    grid = grid[np.concatenate([[True], np.diff(grid) > 1e-4])]
-    grid[-1] = 1.0
-    curve = toppra.SplineInterpolator(s, support)
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    kept = _thinned(points)
+    curve = toppra.SplineInterpolator(s[kept], points[kept])
+    if np.abs(curve(s) - points).max() > STRAY:
+        curve = toppra.SplineInterpolator(s, points)
     limits = [
         constraint.JointVelocityConstraint(np.column_stack([-velocity, velocity])),
         constraint.JointAccelerationConstraint(
-            np.column_stack([-acceleration, acceleration]), discretization_scheme=constraint.DiscretizationType.Interpolation
+            np.column_stack([-acceleration, acceleration]),
+            discretization_scheme=constraint.DiscretizationType.Interpolation,
         ),
     ]
-    instance = algorithm.TOPPRA(limits, curve, gridpoints=grid, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
-    timed = instance.compute_trajectory(0, 0)
-    if timed is None:
+    grid = np.linspace(0.0, s[-1], max(FEWEST, int(np.ceil(s[-1] / GRID))) + 1)
+    instance = algorithm.TOPPRA(limits, curve, gridpoints=grid, solver_wrapper="seidel")
+    accelerations, speeds, _ = instance.compute_parameterization(0.0, 0.0)
+    if speeds is None or not np.isfinite(speeds).all() or np.any(speeds[1:-1] <= 0.0):
         return None
-    count = max(8, int(np.ceil(timed.duration / KNOT)) + 1)
-    times = np.linspace(0.0, timed.duration, count)
-    return times, np.array(timed(times)), np.array(timed(times, 1))
+    times, at, rate = _schedule(grid, speeds, accelerations)
+    return times, np.asarray(curve(at)), np.asarray(curve(at, 1)) * rate[:, None]
+
+
+def _thinned(points: Array) -> list[int]:
+    """Which points are at least ``THIN`` apart; first and last always."""
+    kept = [0]
+    for k in range(1, len(points) - 1):
+        if np.abs(points[k] - points[kept[-1]]).max() >= THIN:
+            kept.append(k)
+    return [*kept, len(points) - 1]
+
+
+def _schedule(grid: Array, speeds: Array, accelerations: Array) -> _Knots:
+    """Times, path positions and path speeds at the grid points and, no further apart than ``KNOT``, between them."""
+    spans = 2.0 * np.diff(grid) / (speeds[:-1] + speeds[1:])
+    starts = np.concatenate([[0.0], np.cumsum(spans)])
+    counts = np.maximum(1, np.ceil(spans / KNOT).astype(int))
+    segment = np.repeat(np.arange(len(spans)), counts)
+    number = np.concatenate([np.arange(count) for count in counts])
+    tau = spans[segment] * number / counts[segment]
+    s = grid[segment] + tau * (speeds[segment] + 0.5 * tau * accelerations[segment])
+    rate = speeds[segment] + tau * accelerations[segment]
+    return np.append(starts[segment] + tau, starts[-1]), np.append(s, grid[-1]), np.append(rate, speeds[-1])
 
 
 def _within(times: Array, positions: Array, velocities: Array, model: ArmModel, speed: float) -> Trajectory | NotTimeable:
-    """The trajectory stretched until the stored curve keeps the limits, values rounded so that they print alike."""
+    """The trajectory, stretched until the stored curve keeps the limits."""
     v_limit, a_limit = speed * np.asarray(model.velocity), speed**2 * np.asarray(model.acceleration)
+    over = 1.0
     for _ in range(12):
-        trajectory = Trajectory(_ticks(times), np.round(positions, 9) + 0.0, np.round(velocities, 9) + 0.0)
+        trajectory = Trajectory(np.round(times, 9), positions, np.round(velocities, 9) + 0.0)
         v, a = peaks(trajectory)
         over = max(float((v / v_limit).max()), float(np.sqrt((a / a_limit).max())))
         if over <= 1.0:
             return trajectory
-        stretch = 1.002 * over
-        times, velocities = times * stretch, velocities / stretch
+        times, velocities = times * (1.002 * over), velocities / (1.002 * over)
     return NotTimeable(f"the stored curve stays {100 * (over - 1):.1f} % over a limit")
-
-
-def _ticks(times: Array) -> Array:
-    return np.round(times, 9)
 
 
 def peaks(trajectory: Trajectory) -> tuple[Array, Array]:

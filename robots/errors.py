@@ -20,6 +20,10 @@ import difflib
 from collections.abc import Iterable
 
 
+LISTED = 24
+"""How many valid choices a message spells out."""
+
+
 class TampError(Exception):
     """Base of every error raised on purpose in this project."""
 
@@ -41,7 +45,12 @@ class UnknownName(BadInput):
         self.kind = kind
         self.name = name
         self.choices = tuple(sorted(choices))
-        super().__init__(f'No {kind} "{name}".{self._hint()} Valid: {", ".join(self.choices)}.')
+        super().__init__(f'No {kind} "{name}".{self._hint()} Valid: {self._listed()}.')
+
+    def _listed(self) -> str:
+        if len(self.choices) <= LISTED:
+            return ", ".join(self.choices)
+        return f"{', '.join(self.choices[:3])} ... {self.choices[-1]} ({len(self.choices)} in all)"
 
     def _hint(self) -> str:
         folded = {choice.casefold(): choice for choice in self.choices}

@@ -18,6 +18,9 @@ LID_WORDS = ("lid", "cap", "cover")
 HANDLE_WORDS = ("handle", "lever", "trigger")
 """Words in the annotated names of what is squeezed where nothing is pressed."""
 
+LEAST_PULL = 0.010
+"""A lid counts as pulled off after half its slide, and after this much where the slide allows it [m]."""
+
 PULL_RANGE = 0.010
 """A lid that slides at least this far is pulled off, else it is screwed [m]."""
 
@@ -124,7 +127,7 @@ def _pulled(model: Mobility, lid: str, slide: MovingJoint) -> Function:
         sense=sign,
         start=closed,
         travel=travel,
-        threshold=0.5 * travel,
+        threshold=max(0.5 * travel, min(LEAST_PULL, 0.8 * travel)),
     )
     notes = () if travel >= PULL_RANGE else (f"its lid slides only {1000 * travel:.1f} mm",)
     return Function(part, starts={slide.name: closed}, notes=notes)

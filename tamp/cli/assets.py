@@ -1,0 +1,78 @@
+"""List the object instances of a source and check that they can be used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from tamp.cli.output import Output
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Arguments of ``bipre assets``."""
+
+    category: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="CATEGORY")] = None
+    """One category; without it all."""
+    asset: str = "synthetic"
+    """synthetic, or partnet:DIR."""
+    split: Literal["seen", "unseen"] | None = None
+    """Only the seen or the held-out instances."""
+    json: bool = False
+    """One JSON object on stdout, nothing else."""
+    debug: bool = False
+    """Show tracebacks of input errors."""
+
+
+def run(arguments: Arguments, output: Output) -> int:
+    """List; 0 when at least one instance can be used, else 1."""
+    from worlds.tasks import TASKS, task_of
+
+    categories = list(TASKS) if arguments.category is None else [task_of(arguments.category).category]
+    from worlds.assets.asset import Asset
+    from worlds.assets.library import survey
+
+    rows: list[dict[str, Any]] = []
+    for category in categories:
+        for found in survey(arguments.asset, category, arguments.split):
+            usable = isinstance(found, Asset)
+            rows.append({"category": category, "instance": found.instance, "usable": usable, **_facts(found)})
+    _show(rows, output)
+    usable_count = sum(row["usable"] for row in rows)
+    output.emit(
+        {
+            "source": arguments.asset, "instances": rows, "usable": usable_count, "rejected": len(rows) - usable_count,
+            "rejected_share": (len(rows) - usable_count) / max(1, len(rows)),
+        }
+    )
+    return 0 if usable_count else 1
+
+
+def _facts(found: Any) -> dict[str, Any]:
+    from worlds.assets.asset import Asset
+
+    if not isinstance(found, Asset):
+        return {"reason": found.reason}
+    return {
+        "kind": found.part.kind, "topology": found.topology, "split": found.split, "mass": round(found.mass, 4),
+        "travel": round(found.part.travel, 5), "notes": list(found.notes), "content_hash": found.content_hash,
+    }
+
+
+def _show(rows: list[dict[str, Any]], output: Output) -> None:
+    from rich.table import Table
+
+    table = Table("category", "instance", "operated by", "topology", "split", "mass", "remark", box=None, header_style="dim")
+    for row in rows:
+        if row["usable"]:
+            mass, remark = f"{1e3 * row['mass']:.0f} g", f"{len(row['notes'])} supplied (--json)" if row["notes"] else ""
+            table.add_row(*(row[key] for key in ("category", "instance", "kind", "topology", "split")), mass, remark)
+        else:
+            table.add_row(row["category"], row["instance"], "[red]rejected[/red]", "", "", "", row["reason"])
+    output.console.print(table)
+    for category in dict.fromkeys(row["category"] for row in rows):
+        mine = [row for row in rows if row["category"] == category]
+        good = sum(row["usable"] for row in mine)
+        output.console.print(f"{category}: {good} of {len(mine)} usable, {len(mine) - good} rejected")
