@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from planners.collision import CollisionWorld, Contact
-from planners.motion import RESOLUTION, Free, JointPath, both_arms, checker, past_limit
+from planners.motion import JointPath, both_arms, checker, past_limit
+from planners.shorten import RESOLUTION, Free
 from robots.model import ArmKinematics
 from robots.spatial import Array, angle_between, interpolate, turned_about
 

@@ -9,6 +9,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from planners.pairs import FLOOR, cell_pairs, public_name
 from robots.errors import UnknownName
 from robots.model import arm_urdf_file
 from robots.spatial import Array, pose
@@ -16,7 +17,6 @@ from robots.workcell import SIDES, Side, Workcell
 
 OBJECT = "object"
 TABLE = "table"
-FLOOR = "floor"
 
 MARGIN = 0.003
 """Distance that counts as contact [m]: covers the 1 mm by which other checkers inflate hulls, and sampling."""
@@ -26,22 +26,6 @@ REACH_CAP = 1.0
 
 FLOOR_SIZE, FLOOR_DEPTH = 20.0, 2.0
 """The floor is a box of this width and depth [m], deep enough that nothing falls through between two samples."""
-
-APART = frozenset(
-    frozenset((f"panda_{a}", f"panda_{b}"))
-    for a, others in {
-        "link0": ("link2", "link3", "link4"),
-        "link1": ("link3", "link4"),
-        "link2": ("link4",),
-        "link3": ("link5", "link6", "link7", "hand", "leftfinger", "rightfinger"),
-        "link4": ("link6", "link7", "hand", "leftfinger", "rightfinger"),
-        "link6": ("leftfinger", "rightfinger"),
-    }.items()
-    for b in others
-)
-"""Links of one Panda that cannot meet within its joint limits: over 30 000 random configurations, a quarter of them with
-joints at their limits, the hulls of each pair stay 32 mm or more apart. Not checking them saves a fifth of the time of a free state."""
-
 
 @dataclass(frozen=True, slots=True)
 class Contact:
@@ -76,9 +60,9 @@ class CollisionWorld:
     def __init__(self, workcell: Workcell, *, margin: float = MARGIN) -> None:
         self.workcell, self.margin = workcell, margin
         self._model, self._cell = _cell_geometry(workcell)
-        self._cell_pairs = _cell_pairs(self._model, self._cell)
+        self._cell_pairs = cell_pairs(self._model, self._cell)
         self._hands = {side: _hand(self._model, workcell, side) for side in SIDES}
-        self._q = pin.neutral(self._model)
+        self._q: Array = pin.neutral(self._model)
         arms = {side: workcell.arm(side) for side in SIDES}
         left, right = (_slots(self._model, side, arms[side].joints) for side in SIDES)
         self._left, self._right = _as_slice(left), _as_slice(right)
@@ -107,7 +91,7 @@ class CollisionWorld:
         for a, b in pairs:
             geometry.addCollisionPair(pin.CollisionPair(a, b))
         self._geometry = geometry
-        self._names = [_public_name(shape.name) for shape in geometry.geometryObjects]
+        self._names = [public_name(shape.name) for shape in geometry.geometryObjects]
         self._ends = np.array(pairs, dtype=np.intp).T
         self._pair_names = [frozenset((self._names[a], self._names[b])) for a, b in pairs]
         self._centres, self._halves = _local_boxes(geometry)
@@ -224,7 +208,8 @@ class CollisionWorld:
         middle = np.einsum("nij,nj->ni", R, self._centres) + np.array([T.translation for T in poses])
         reach = np.einsum("nij,nj->ni", np.abs(R), self._halves)
         a, b = self._ends
-        return np.asarray((np.abs(middle[a] - middle[b]) - reach[a] - reach[b]).max(axis=1))
+        gaps: Array = (np.abs(middle[a] - middle[b]) - reach[a] - reach[b]).max(axis=1)
+        return gaps
 
 
 def _cell_geometry(workcell: Workcell) -> tuple[pin.Model, pin.GeometryModel]:
@@ -271,12 +256,6 @@ def _local_boxes(geometry: pin.GeometryModel) -> tuple[Array, Array]:
     return (low + high) / 2, (high - low) / 2
 
 
-def _public_name(shape: str) -> str:
-    """A shape's link name: Pinocchio appends a number to it."""
-    stem, _, number = shape.rpartition("_")
-    return stem if number.isdigit() and stem else shape
-
-
 def _hand(model: pin.Model, workcell: Workcell, side: Side) -> tuple[int, pin.SE3]:
     """The joint that carries a hand and the hand's pose on it."""
     frame = model.frames[model.getFrameId(f"{side}/{workcell.arm(side).gripper.hand_link}")]
@@ -292,25 +271,3 @@ def _as_slice(slots: list[int]) -> slice | list[int]:
     """The slots as a slice where they follow each other: several times faster to assign to."""
     contiguous = slots == list(range(slots[0], slots[0] + len(slots)))
     return slice(slots[0], slots[0] + len(slots)) if contiguous else slots
-
-
-def _cell_pairs(model: pin.Model, geometry: pin.GeometryModel) -> list[tuple[int, int]]:
-    """Pairs among arms, table and floor that can mean something.
-
-    Left out: links of one arm that ride on the same joint or on joints that follow each other, and the fingers of one
-    hand (hulls of these overlap by construction); links that cannot meet (``APART``); what never moves with what never
-    moves (bases stand on or beside the table by design); and the floor with a link that only turns upon its own base.
-    """
-    shapes = [(_public_name(shape.name), int(shape.parentJoint)) for shape in geometry.geometryObjects]
-    parents = [int(parent) for parent in model.parents]
-    pairs = []
-    for b, (name_b, jb) in enumerate(shapes):
-        for a, (name_a, ja) in enumerate(shapes[:b]):
-            side_a, side_b = name_a.partition("/")[0], name_b.partition("/")[0]
-            links = frozenset((name_a.partition("/")[2], name_b.partition("/")[2]))
-            joined = ja == jb or parents[ja] == jb or parents[jb] == ja or (parents[ja] == parents[jb] != 0)
-            fixed = ja == jb == 0
-            based = FLOOR in (name_a, name_b) and parents[max(ja, jb)] == 0
-            if not (fixed or based or (side_a == side_b and (joined or links in APART))):
-                pairs.append((a, b))
-    return pairs

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from planners.collision import CollisionWorld, Contact
+from planners.shorten import RESOLUTION, Free, edge_free, path_free, rounded, shortened
 from robots.model import ArmKinematics
 from robots.spatial import Array, frozen
-
-RESOLUTION = 1.0 / 32.0
-"""Distance between checked states of an edge while searching, L2 [rad]; what is returned is checked at half of it."""
 
 RANGE = 1.0
 """Longest extension of the trees, L2 [rad]: the best of five values on MotionBenchMaker."""
@@ -24,14 +21,8 @@ STATES_PER_ITERATION = 15
 TRIES = 3
 """Searches, each with half the resolution of the one before, until a path passes the finer check."""
 
-SHORTCUTS = 60
-"""Attempts to replace a part of the path by a straight line."""
-
-ROUNDS = 4
-"""Times that corners are cut; every time halves the turn at them."""
-
 INSET = 0.02
-"""How far inside the joint limits the search keeps between start and goal [rad]: a curve through its points may bulge."""
+"""How far inside the joint limits the search keeps [rad], start and goal apart: a curve through it may bulge."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,10 +107,6 @@ class NoPath:
         return str(self.reason)
 
 
-Free = Callable[[Array], bool]
-"""Whether joint positions ``(7,)`` [rad] of the moving arm are free."""
-
-
 def plan(
     world: CollisionWorld, arm: ArmKinematics, start: Array, goals: Array, q_other: Array, *, seed: int,
     iterations: int = 4000,
@@ -159,7 +146,7 @@ def plan(
         found = _rrt_connect(budget, arm, start, usable, seed + attempt, resolution)
         if found is None:
             break
-        if all(edge_free(free, a, b, resolution / 2) for a, b in zip(found[:-1], found[1:], strict=True)):
+        if path_free(free, found, resolution / 2):
             short = shortened(free, found, np.random.default_rng(seed), resolution / 2)
             return JointPath(rounded(free, short, resolution / 2))
     return NoPath(Exhausted(budget.checks, budget.iterations))
@@ -230,25 +217,10 @@ def past_limit(arm: ArmKinematics, q: Array) -> tuple[str, float, float]:
     return str(arm.model.names[k + 1]), float(q[k]), float(limit)
 
 
-def edge_free(free: Free, a: Array, b: Array, resolution: float = RESOLUTION) -> bool:
-    """Whether the straight line between two configurations ``(7,)`` [rad] is free, coarse to fine, ends excluded."""
-    steps = max(1, int(np.ceil(np.linalg.norm(b - a) / resolution)))
-    return all(free(a + (b - a) * (k / steps)) for k in _coarse_to_fine(steps))
-
-
-def _coarse_to_fine(steps: int) -> list[int]:
-    """1..steps-1, halving the gaps: a collision is found early wherever it is."""
-    order, stride = [], 1 << max(0, (steps - 1).bit_length() - 1)
-    while stride:
-        order += range(stride, steps, 2 * stride)
-        stride //= 2
-    return order
-
-
 def _rrt_connect(
     budget: _Budget, arm: ArmKinematics, start: Array, goals: list[Array], seed: int, resolution: float
 ) -> Array | None:
-    """OMPL's RRT-Connect with our own edge check; everything lives in this function, so OMPL leaves no noise at exit."""
+    """OMPL's RRT-Connect with our own edge check; all of OMPL lives in here, so that it leaves no noise at exit."""
     from ompl import base, geometric, util
 
     util.setLogLevel(util.LOG_NONE)
@@ -298,53 +270,3 @@ def _state(space: Any, q: Array) -> Any:
     for k in range(7):
         state[k] = float(q[k])
     return state
-
-
-def shortened(free: Free, path: Array, rng: np.random.Generator, resolution: float = RESOLUTION / 2) -> Array:
-    """The path ``(n, 7)`` [rad] with detours cut: random pairs of points on it are joined by lines where these are free.
-
-    Geraerts and Overmars, "Creating High-quality Paths for Motion Planning", IJRR 2007, section 3.1. Points that can be
-    left out without a contact are left out at the end.
-    """
-    points = list(path)
-    for _ in range(SHORTCUTS):
-        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        ends = np.concatenate([[0.0], np.cumsum(lengths)])
-        s, t = np.sort(rng.uniform(0.0, ends[-1], 2))
-        i, j = (min(int(np.searchsorted(ends, x, "right")) - 1, len(points) - 2) for x in (s, t))
-        if i == j:
-            continue
-        a = points[i] + (points[i + 1] - points[i]) * ((s - ends[i]) / lengths[i])
-        b = points[j] + (points[j + 1] - points[j]) * ((t - ends[j]) / lengths[j])
-        if edge_free(free, a, b, resolution):
-            points = [*points[: i + 1], a, b, *points[j + 1 :]]
-    k = 1
-    while k < len(points) - 1:
-        if edge_free(free, points[k - 1], points[k + 1], resolution):
-            del points[k]
-        else:
-            k += 1
-    return np.array(points)
-
-
-def rounded(free: Free, path: Array, resolution: float = RESOLUTION / 2) -> Array:
-    """The path ``(n, 7)`` [rad] with its corners cut again and again, so that it can be followed without stopping.
-
-    Chaikin, "An Algorithm for High-Speed Curve Generation", 1974, with a smaller cut at a corner where the full one
-    touches something. All points stay in the convex hull of the path's, hence within joint limits.
-    """
-    for _ in range(ROUNDS):
-        points = [path[0]]
-        for a, corner, b in zip(path[:-2], path[1:-1], path[2:], strict=True):
-            points += _cut(free, a, corner, b, resolution)
-        path = np.array([*points, path[-1]])
-    return path
-
-
-def _cut(free: Free, a: Array, corner: Array, b: Array, resolution: float) -> list[Array]:
-    """What stands in place of a corner: two points on its edges whose connection is free, or the corner itself."""
-    for share in (0.25, 0.125, 0.0625):
-        first, second = corner + share * (a - corner), corner + share * (b - corner)
-        if free(first) and free(second) and edge_free(free, first, second, resolution):
-            return [first, second]
-    return [corner]

@@ -150,7 +150,9 @@ def _schedule(grid: Array, speeds: Array, accelerations: Array) -> _Knots:
     return np.append(starts[segment] + tau, starts[-1]), np.append(s, grid[-1]), np.append(rate, speeds[-1])
 
 
-def _within(times: Array, positions: Array, velocities: Array, model: ArmModel, speed: float) -> Trajectory | NotTimeable:
+def _within(
+    times: Array, positions: Array, velocities: Array, model: ArmModel, speed: float
+) -> Trajectory | NotTimeable:
     """The trajectory, stretched until the stored curve keeps the limits."""
     v_limit, a_limit = speed * np.asarray(model.velocity), speed**2 * np.asarray(model.acceleration)
     over = 1.0

@@ -82,10 +82,10 @@ def _parse_and_run(verb: str, words: list[str], output: Output) -> int:
 def _unboxed(text: str) -> str:
     """An argument error as one message: without the frame around it and the repeated help of each argument."""
     lines = [line.strip(" │╭╮╰╯─") for line in text.splitlines()]
-    kept = [line for line in lines if line and set(line) != {"-"} and not line.startswith(("For full", "Argument help"))]
+    kept = [line for line in lines if line and set(line) != {"-"} and not line.startswith(("For full", "Argument help", "bipre "))]
     helps = [k for k, line in enumerate(kept) if line.startswith("-") or "(default:" in line or "(required)" in line]
     flags = [kept[k].partition("  ")[0] for k in helps if kept[k].startswith("-")]
-    message = ". ".join(line for k, line in enumerate(kept) if k not in helps and k > 0).rstrip(".")
+    message = ". ".join(line for k, line in enumerate(kept) if k not in helps and k > 0).rstrip(".").replace(":. ", ": ")
     message = re.sub(r"invalid literal for int\(\) with base 10: (\S+)", r"\1 is not a whole number", message)
     message = re.sub(r"could not convert string to float: (\S+)", r"\1 is not a number", message)
     if message.endswith(":") and flags:
