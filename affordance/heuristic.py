@@ -70,7 +70,9 @@ class HeuristicProposer:
         first = rng.uniform(0.0, 2 * np.pi)
         rolls = first + 2 * np.pi * np.arange(ROLLS) / ROLLS
         found = [
-            self._press(T_world_body, outward, roll) if part.kind == "press" else self._grasp_part(T_world_body, outward, roll)
+            self._press(T_world_body, outward, roll)
+            if part.kind == "press"
+            else self._grasp_part(T_world_body, outward, roll)
             for roll in rolls
         ]
         kept = [candidate for candidate in found if candidate is not None]
@@ -83,8 +85,14 @@ class HeuristicProposer:
         travel = part.travel * (part.lever or 1.0)
         needed = part.threshold * (part.lever or 1.0)
         return GoalCandidate(
-            kind="press", T_world_hand=pin.SE3(R, point + self.gripper.tip_offset * outward), opening=0.0,
-            direction=-outward, point=point, amount=min(0.75 * travel, needed + 0.005), outward=outward, score=1.0,
+            kind="press",
+            T_world_hand=pin.SE3(R, point + self.gripper.tip_offset * outward),
+            opening=0.0,
+            direction=-outward,
+            point=point,
+            amount=min(0.75 * travel, needed + 0.005),
+            outward=outward,
+            score=1.0,
         )
 
     def _grasp_part(self, T_world_body: pin.SE3, outward: Array, roll: float) -> GoalCandidate | None:
@@ -105,9 +113,14 @@ class HeuristicProposer:
             return None
         centre = origin + outward * tip + opening_axis * (spread.max() + spread.min()) / 2
         return GoalCandidate(
-            kind=part.kind, T_world_hand=pin.SE3(hand_rotation(-outward, opening_axis), centre + outward * self.gripper.tip_offset),
-            opening=min(self.gripper.finger_travel, half + 0.010), direction=outward, point=origin,
-            amount=self._amount(), outward=outward, score=1.0 - width,
+            kind=part.kind,
+            T_world_hand=pin.SE3(hand_rotation(-outward, opening_axis), centre + outward * self.gripper.tip_offset),
+            opening=min(self.gripper.finger_travel, half + 0.010),
+            direction=outward,
+            point=origin,
+            amount=self._amount(),
+            outward=outward,
+            score=1.0 - width,
         )
 
     def _amount(self) -> float:
@@ -192,7 +205,9 @@ class HeuristicProposer:
             spread = min(1.0, k / 8)
             yaw = rng.normal(0.0, 0.35) * (0.4 + spread)
             pitch = _chosen_pitch(pitch_now, k, rng)
-            facing = rotation_about([0.0, 0.0, 1.0], yaw) @ (np.cos(pitch) * towards + np.sin(pitch) * np.array([0.0, 0.0, 1.0]))
+            facing = rotation_about([0.0, 0.0, 1.0], yaw) @ (
+                np.cos(pitch) * towards + np.sin(pitch) * np.array([0.0, 0.0, 1.0])
+            )
             R = _turn(goal.outward, facing)
             target = middle + rng.normal(0.0, 1.0, 3) * np.array([0.04, 0.04, 0.03]) * (0.4 + spread)
             pivot = (goal.point + grasp.T_world_hand.act(np.array([0.0, 0.0, self.gripper.tcp_offset]))) / 2

@@ -47,8 +47,14 @@ class Broken:
 
 
 def straight(
-    world: CollisionWorld | None, arm: ArmKinematics, q_start: Array, T_world_hand_goal: pin.SE3, q_other: Array, *,
-    step: float = 0.004, turn: float = 0.02,
+    world: CollisionWorld | None,
+    arm: ArmKinematics,
+    q_start: Array,
+    T_world_hand_goal: pin.SE3,
+    q_other: Array,
+    *,
+    step: float = 0.004,
+    turn: float = 0.02,
 ) -> JointPath | Broken:
     """Move the hand in a straight line, turning by the shortest arc.
 
@@ -72,8 +78,16 @@ def straight(
 
 
 def turned(
-    world: CollisionWorld | None, arm: ArmKinematics, q_start: Array, axis_point_world: Array, axis_world: Array,
-    angle: float, q_other: Array, *, step: float = 0.004, turn: float = 0.03,
+    world: CollisionWorld | None,
+    arm: ArmKinematics,
+    q_start: Array,
+    axis_point_world: Array,
+    axis_world: Array,
+    angle: float,
+    q_other: Array,
+    *,
+    step: float = 0.004,
+    turn: float = 0.03,
 ) -> JointPath | Broken:
     """Turn the hand about a line in the world, as when a cap is twisted.
 
@@ -100,7 +114,11 @@ def turned(
 
 
 def _follow(
-    world: CollisionWorld | None, arm: ArmKinematics, q_start: Array, pose_at: Callable[[float], pin.SE3], steps: int,
+    world: CollisionWorld | None,
+    arm: ArmKinematics,
+    q_start: Array,
+    pose_at: Callable[[float], pin.SE3],
+    steps: int,
     q_other: Array,
 ) -> JointPath | Broken:
     """Waypoints at ``k / steps`` of a motion, each from the one before."""

@@ -27,6 +27,7 @@ REACH_CAP = 1.0
 FLOOR_SIZE, FLOOR_DEPTH = 20.0, 2.0
 """The floor is a box of this width and depth [m], deep enough that nothing falls through between two samples."""
 
+
 @dataclass(frozen=True, slots=True)
 class Contact:
     """Two bodies closer than the margin.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
@@ -28,7 +30,7 @@ def observed_hulls(cloud: Array, table_top: float) -> list[Array]:
     along, across = flat @ directions[0], flat @ directions[1]
     edges = np.linspace(along.min(), along.max(), max(1, int(np.ceil(np.ptp(along) / SLICE))) + 1)
     pieces: list[Array] = []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         inside = (along >= low - 1e-3) & (along <= high + 1e-3)
         pieces += _pieces(cloud[inside], across[inside], table_top)
     return pieces
@@ -40,7 +42,7 @@ def _pieces(points: Array, across: Array, table_top: float) -> list[Array]:
         return []
     steps = _height_steps(points, across)
     found = []
-    for low, high in zip(steps[:-1], steps[1:], strict=True):
+    for low, high in pairwise(steps):
         inside = (across >= low - 1e-3) & (across <= high + 1e-3)
         piece = _closed(points[inside], table_top) if inside.sum() >= MIN_POINTS else None
         if piece is not None:

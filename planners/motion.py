@@ -108,7 +108,13 @@ class NoPath:
 
 
 def plan(
-    world: CollisionWorld, arm: ArmKinematics, start: Array, goals: Array, q_other: Array, *, seed: int,
+    world: CollisionWorld,
+    arm: ArmKinematics,
+    start: Array,
+    goals: Array,
+    q_other: Array,
+    *,
+    seed: int,
     iterations: int = 4000,
 ) -> JointPath | NoPath:
     """Find a collision-free joint path of one arm while the other keeps still.

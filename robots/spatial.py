@@ -29,7 +29,8 @@ def pose(xyz: Any, rpy: Any = (0.0, 0.0, 0.0)) -> pin.SE3:
 
 def points(T_a_b: pin.SE3, points_b: Array) -> Array:
     """``(n, 3)`` points [m] of frame ``b`` expressed in frame ``a``."""
-    return np.asarray(points_b) @ T_a_b.rotation.T + T_a_b.translation
+    moved: Array = np.asarray(points_b) @ T_a_b.rotation.T + T_a_b.translation
+    return moved
 
 
 def unit(vector: Any) -> Array:

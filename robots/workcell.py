@@ -211,8 +211,11 @@ def _near_key(message: str) -> str:
     if "unknown field" not in message:
         return ""
     given = message.split("`")[1]
-    known = {field for part in (Workcell, Arms, ArmPlacement, ArmModel, Gripper, Table, Camera)
-             for field in part.__struct_fields__}
+    known = {
+        field
+        for part in (Workcell, Arms, ArmPlacement, ArmModel, Gripper, Table, Camera)
+        for field in part.__struct_fields__
+    }
     near = difflib.get_close_matches(given, known, n=1)
     return f'. Did you mean "{near[0]}"?' if near else f". Known keys: {', '.join(sorted(known))}."
 

@@ -41,7 +41,12 @@ from worlds.tasks import task_of
 PROPOSERS = ("heuristic",)
 OUTCOME_FILE = "outcome.json"
 OWN_FILES = (
-    plan_file.PLAN_FILE, trace_file.TRACE_FILE, observe.OBSERVATION_FILE, OUTCOME_FILE, "plan.html", "execution.mp4",
+    plan_file.PLAN_FILE,
+    trace_file.TRACE_FILE,
+    observe.OBSERVATION_FILE,
+    OUTCOME_FILE,
+    "plan.html",
+    "execution.mp4",
     "execution.png",
 )
 
@@ -145,10 +150,16 @@ def plan_episode(request: Request, watch: Watch) -> Report:
     watch.begin("write")
     failure = _failure(search, unsolved, request.timeout) if plan is None else (outcome.failure if outcome else None)
     trace = Trace(
-        category=task.category, instance=asset.instance, seed=request.seed, proposer=request.proposer,
-        skeletons=[[str(stage) for stage in skeleton] for skeleton in search.tried], rejections=search.rejections,
-        chosen=len(search.tried) - 1 if plan is not None else None, plan_seconds=round(seconds, 3),
-        status=_status(plan, outcome), failure=failure,
+        category=task.category,
+        instance=asset.instance,
+        seed=request.seed,
+        proposer=request.proposer,
+        skeletons=[[str(stage) for stage in skeleton] for skeleton in search.tried],
+        rejections=search.rejections,
+        chosen=len(search.tried) - 1 if plan is not None else None,
+        plan_seconds=round(seconds, 3),
+        status=_status(plan, outcome),
+        failure=failure,
     )
     trace_file.save(trace, folder)
     if plan is not None:
@@ -167,7 +178,6 @@ def run_again(folder: Path, *, video: bool, watch: Watch) -> Report:
         BadRunFolder: The plan cannot be read, or its object is no longer what it was.
     """
     plan = plan_file.load(folder)
-    task = task_of(plan.asset.category)
     watch.begin("world")
     asset = library.load(plan.asset.source, plan.asset.category, plan.asset.instance)
     if asset.content_hash != plan.asset.content_hash:
@@ -219,12 +229,20 @@ def _plan(
     T_world_object = pose(np.round(observation.cloud.mean(axis=0), 9))
     cloud = observation.cloud - T_world_object.translation
     collisions = CollisionWorld(workcell)
-    collisions.set_object([hull - T_world_object.translation for hull in observed_hulls(observation.cloud, workcell.table.top)])
+    collisions.set_object(
+        [hull - T_world_object.translation for hull in observed_hulls(observation.cloud, workcell.table.top)]
+    )
     proposer = _proposer(request, workcell, world, observation)
     checker = StageChecker(workcell, arms, collisions, cloud, T_world_object)
     view = SceneView(workcell, observation.cloud, pin.SE3.Identity(), np.zeros((0, 3)))
     search = Search(
-        workcell, proposer, checker, Timeline(workcell, arms, checker), view, request.seed, Budget(seconds=request.timeout)
+        workcell,
+        proposer,
+        checker,
+        Timeline(workcell, arms, checker),
+        view,
+        request.seed,
+        Budget(seconds=request.timeout),
     )
     first = proposer.goal(view, np.random.default_rng(request.seed))
     result = search.run(order(skeletons(), view, first[0] if first else None))
@@ -238,20 +256,36 @@ def _proposer(request: Request, workcell: Workcell, world: BulletWorld, observat
 
 
 def _as_plan(
-    request: Request, workcell: Workcell, asset: Asset, observation: Observation, T_world_object: pin.SE3, solved: Solved
+    request: Request,
+    workcell: Workcell,
+    asset: Asset,
+    observation: Observation,
+    T_world_object: pin.SE3,
+    solved: Solved,
 ) -> Plan:
     roles = roles_of(solved.skeleton)
     return Plan(
         asset=AssetReference(
-            source=asset.source, category=asset.category, instance=asset.instance, split=asset.split,
+            source=asset.source,
+            category=asset.category,
+            instance=asset.instance,
+            split=asset.split,
             content_hash=asset.content_hash,
         ),
-        instruction=task_of(asset.category).instruction, seed=request.seed, proposer=request.proposer, workcell=workcell,
-        packages=plan_file.package_versions(), observation_hash=observation.digest, assistant=roles.assistant,
-        primary=roles.primary, operation=Operation(kind=solved.goal.kind, amount=solved.goal.amount),
+        instruction=task_of(asset.category).instruction,
+        seed=request.seed,
+        proposer=request.proposer,
+        workcell=workcell,
+        packages=plan_file.package_versions(),
+        observation_hash=observation.digest,
+        assistant=roles.assistant,
+        primary=roles.primary,
+        operation=Operation(kind=solved.goal.kind, amount=solved.goal.amount),
         start={side: list(workcell.placement(side).home) for side in SIDES},
-        start_opening=workcell.arm("left").gripper.finger_travel, T_world_object=plan_file.matrix(T_world_object),
-        skeleton=[str(stage) for stage in solved.skeleton], stages=solved.stages.stages,
+        start_opening=workcell.arm("left").gripper.finger_travel,
+        T_world_object=plan_file.matrix(T_world_object),
+        skeleton=[str(stage) for stage in solved.skeleton],
+        stages=solved.stages.stages,
     )
 
 
@@ -281,19 +315,34 @@ def _status(plan: Plan | None, outcome: Outcome | None) -> Status:
 
 
 def _report(
-    plan: Plan | None, outcome: Outcome | None, failure: Failure | None, asset: Asset, seed: int, proposer: str,
-    seconds: float, spent: float, folder: Path,
+    plan: Plan | None,
+    outcome: Outcome | None,
+    failure: Failure | None,
+    asset: Asset,
+    seed: int,
+    proposer: str,
+    seconds: float,
+    spent: float,
+    folder: Path,
 ) -> Report:
     stages = [] if plan is None else plan.stages
     return Report(
-        status=_status(plan, outcome), success=bool(outcome and outcome.success), category=asset.category,
-        instance=asset.instance, seed=seed, proposer=proposer, plan_seconds=round(seconds, 3),
+        status=_status(plan, outcome),
+        success=bool(outcome and outcome.success),
+        category=asset.category,
+        instance=asset.instance,
+        seed=seed,
+        proposer=proposer,
+        plan_seconds=round(seconds, 3),
         execute_seconds=None if outcome is None else round(spent, 3),
         stages=[
-            StageReport(name=s.name, arm=s.arm, role=s.role, duration=round(s.duration, 3), candidates_tried=s.candidates_tried)
+            StageReport(
+                name=s.name, arm=s.arm, role=s.role, duration=round(s.duration, 3), candidates_tried=s.candidates_tried
+            )
             for s in stages
         ],
-        failure=failure, run_dir=str(folder),
+        failure=failure,
+        run_dir=str(folder),
         verdict=None if outcome is None or outcome.verdict is None else msgspec.to_builtins(outcome.verdict),
         checked=[] if outcome is None else list(outcome.checked),
     )

@@ -147,10 +147,16 @@ class _Run:
 
     def _monitor(self, stage: Stage) -> tuple[Checked, Cause]:
         if (error := self._error(stage.arm)) > LOST:
-            return self._say("tracking", False, f"{stage.arm} arm is {np.degrees(error):.0f} deg from where it should be"), "tracking"
+            return self._say(
+                "tracking", False, f"{stage.arm} arm is {np.degrees(error):.0f} deg from where it should be"
+            ), "tracking"
         check = {
-            "pregrasp": self._held, "lift": self._lifted, "reorient": self._exposed,
-            "operate": self._operated, "release": self._disengaged, "retreat": self._still_held,
+            "pregrasp": self._held,
+            "lift": self._lifted,
+            "reorient": self._exposed,
+            "operate": self._operated,
+            "release": self._disengaged,
+            "retreat": self._still_held,
         }[stage.name]
         return check()
 
@@ -162,7 +168,11 @@ class _Run:
         opening = self.world.opening(side)
         good = holds(self.world, side) and opening > CLOSED
         self.T_grasp = self._in_hand()
-        return self._say("held", good, f"fingers {'closed on the object' if good else 'closed beside the object'}, {2e3 * opening:.0f} mm apart"), "not_held"
+        return self._say(
+            "held",
+            good,
+            f"fingers {'closed on the object' if good else 'closed beside the object'}, {2e3 * opening:.0f} mm apart",
+        ), "not_held"
 
     def _lifted(self) -> tuple[Checked, Cause]:
         good = holds(self.world, self.plan.assistant) and not self.world.supported()
@@ -172,14 +182,18 @@ class _Run:
     def _exposed(self) -> tuple[Checked, Cause]:
         slip, turn = self._slipped()
         good = holds(self.world, self.plan.assistant) and slip <= self.task.hold_slip and turn <= self.task.hold_turn
-        return self._say("exposed", good, f"slipped {1e3 * slip:.1f} mm, {np.degrees(turn):.1f} deg in the hand"), "not_exposed"
+        return self._say(
+            "exposed", good, f"slipped {1e3 * slip:.1f} mm, {np.degrees(turn):.1f} deg in the hand"
+        ), "not_exposed"
 
     def _operated(self) -> tuple[Checked, Cause]:
         threshold = self.world.asset.part.threshold
         good = self.peak_moved >= threshold
         part = self.world.asset.part
         unit, scale = ("deg", np.degrees(1.0)) if part.kind == "unscrew" or part.lever else ("mm", 1e3)
-        return self._say("operated", good, f"joint moved {scale * self.peak_moved:.1f} of {scale * threshold:.1f} {unit} needed"), "not_moved"
+        return self._say(
+            "operated", good, f"joint moved {scale * self.peak_moved:.1f} of {scale * threshold:.1f} {unit} needed"
+        ), "not_moved"
 
     def _disengaged(self) -> tuple[Checked, Cause]:
         last = self.stage.steps[-1]
@@ -190,7 +204,9 @@ class _Run:
 
     def _still_held(self) -> tuple[Checked, Cause]:
         good = holds(self.world, self.plan.assistant)
-        return self._say("held", good, "the assistant still holds" if good else "the assistant lost the object"), "not_held"
+        return self._say(
+            "held", good, "the assistant still holds" if good else "the assistant lost the object"
+        ), "not_held"
 
     def _in_hand(self) -> pin.SE3:
         """``T_hand_body``: the object in the assistant's hand (privileged, for success only)."""
@@ -207,8 +223,13 @@ class _Run:
             self._step()
         assert self.T_grasp is not None  # the pre-grasp stage sets it
         verdict = judge(
-            self.world, self.task, self.plan.assistant, self._in_hand(), self.T_grasp,
-            peak_moved=self.peak_moved, peak_force=self.peak_force,
+            self.world,
+            self.task,
+            self.plan.assistant,
+            self._in_hand(),
+            self.T_grasp,
+            peak_moved=self.peak_moved,
+            peak_force=self.peak_force,
         )
         failure = None
         if not verdict.success:
@@ -223,5 +244,3 @@ def _cause(verdict: Verdict, task: Task) -> Cause:
     if not verdict.held:
         return "not_held"
     return "slipped" if verdict.slip > task.hold_slip or verdict.turn > task.hold_turn else "force"
-
-

@@ -36,29 +36,64 @@ class Operator:
 
 ARTICULATED: tuple[Operator, ...] = (
     Operator(
-        "pregrasp", "assistant", needs=("free arm", "resting"), adds=("holds arm",), deletes=("free arm",),
-        sampler="pregrasp", motions=("free", "approach", "close"), monitor="holds arm",
+        "pregrasp",
+        "assistant",
+        needs=("free arm", "resting"),
+        adds=("holds arm",),
+        deletes=("free arm",),
+        sampler="pregrasp",
+        motions=("free", "approach", "close"),
+        monitor="holds arm",
     ),
     Operator(
-        "lift", "assistant", needs=("holds arm", "resting"), adds=("lifted",), deletes=("resting",),
-        sampler="", motions=("lift",), monitor="lifted",
+        "lift",
+        "assistant",
+        needs=("holds arm", "resting"),
+        adds=("lifted",),
+        deletes=("resting",),
+        sampler="",
+        motions=("lift",),
+        monitor="lifted",
     ),
     Operator(
-        "reorient", "assistant", needs=("holds arm", "lifted"), adds=("exposed",), deletes=(),
-        sampler="object_pose", motions=("free",), monitor="exposed",
+        "reorient",
+        "assistant",
+        needs=("holds arm", "lifted"),
+        adds=("exposed",),
+        deletes=(),
+        sampler="object_pose",
+        motions=("free",),
+        monitor="exposed",
     ),
     Operator(
-        "operate", "primary", needs=("free arm", "holds partner", "exposed"), adds=("operated", "engaged arm"),
-        deletes=("free arm",), sampler="goal", motions=("free", "approach", "close", "pull|twist|press"),
+        "operate",
+        "primary",
+        needs=("free arm", "holds partner", "exposed"),
+        adds=("operated", "engaged arm"),
+        deletes=("free arm",),
+        sampler="goal",
+        motions=("free", "approach", "close", "pull|twist|press"),
         monitor="operated",
     ),
     Operator(
-        "release", "primary", needs=("engaged arm",), adds=("disengaged arm",), deletes=("engaged arm",),
-        sampler="", motions=("open",), monitor="disengaged arm",
+        "release",
+        "primary",
+        needs=("engaged arm",),
+        adds=("disengaged arm",),
+        deletes=("engaged arm",),
+        sampler="",
+        motions=("open",),
+        monitor="disengaged arm",
     ),
     Operator(
-        "retreat", "primary", needs=("disengaged arm", "holds partner"), adds=("clear arm", "free arm"),
-        deletes=("disengaged arm",), sampler="", motions=("retreat",), monitor="holds partner",
+        "retreat",
+        "primary",
+        needs=("disengaged arm", "holds partner"),
+        adds=("clear arm", "free arm"),
+        deletes=("disengaged arm",),
+        sampler="",
+        motions=("retreat",),
+        monitor="holds partner",
     ),
 )
 
@@ -108,7 +143,8 @@ def to_pddl(operators: tuple[Operator, ...] = ARTICULATED) -> str:
             "    :parameters (?a - arm ?b - arm)",
             f"    :precondition (and (partner ?a ?b) {' '.join(map(_literal, operator.needs))})",
             f"    :effect (and {' '.join(map(_literal, operator.adds))}"
-            + "".join(f" (not {_literal(fact)})" for fact in operator.deletes) + "))",
+            + "".join(f" (not {_literal(fact)})" for fact in operator.deletes)
+            + "))",
         ]
     return "\n".join([*lines, ")"]) + "\n"
 

@@ -118,7 +118,9 @@ class Search:
         roles = roles_of(skeleton)
         goals = self.proposer.goal(self.view, self._rng(0))[: self.budget.goals]
         if not goals:
-            self._reject("operate", roles.primary, 0, Reject("proposal", "no way to act on the part was proposed"), "operate")
+            self._reject(
+                "operate", roles.primary, 0, Reject("proposal", "no way to act on the part was proposed"), "operate"
+            )
         for number, goal in enumerate(goals):
             grasps = self.proposer.pregrasp(self.view, goal, self._rng(1, number))[: self.budget.grasps]
             if not grasps:
@@ -169,8 +171,14 @@ class Search:
         return "pregrasp" if causes and all(hands_clash(cause, roles) for cause in causes) else "reorient"
 
     def _with_goal(
-        self, skeleton: Skeleton, roles: Roles, hold: Hold, exposure: Exposure, pose: PoseCandidate,
-        goal: GoalCandidate, index: tuple[int, int, int, int],
+        self,
+        skeleton: Skeleton,
+        roles: Roles,
+        hold: Hold,
+        exposure: Exposure,
+        pose: PoseCandidate,
+        goal: GoalCandidate,
+        index: tuple[int, int, int, int],
     ) -> Solved | BackTo | Reject:
         self._check_time()
         action = self.checker.act(roles, hold, exposure, goal, self._rng(6, *index))
@@ -195,17 +203,31 @@ class Search:
         return goal * self.budget.grasps + grasp + 1
 
     def _reject(
-        self, stage: StageName, arm: Side, candidate: int, reject: Reject, blame: BackTo,
+        self,
+        stage: StageName,
+        arm: Side,
+        candidate: int,
+        reject: Reject,
+        blame: BackTo,
         T_world_hand: pin.SE3 | None = None,
     ) -> None:
         skeleton = len(self.tried) - 1
         roles = roles_of(self.tried[-1])
         self.rejections.append(
             Rejection(
-                skeleton=skeleton, stage=stage, arm=arm, role="assistant" if arm == roles.assistant else "primary",
-                candidate=candidate, cause=reject.cause, detail=reject.detail, blame=blame, bodies=reject.bodies,
+                skeleton=skeleton,
+                stage=stage,
+                arm=arm,
+                role="assistant" if arm == roles.assistant else "primary",
+                candidate=candidate,
+                cause=reject.cause,
+                detail=reject.detail,
+                blame=blame,
+                bodies=reject.bodies,
                 amount=reject.amount,
-                approach=None if T_world_hand is None else [round(float(v), 6) for v in T_world_hand.homogeneous.ravel()],
+                approach=None
+                if T_world_hand is None
+                else [round(float(v), 6) for v in T_world_hand.homogeneous.ravel()],
             )
         )
 
@@ -249,4 +271,3 @@ def order(skeletons: Iterator[Skeleton], view: SceneView, goal: GoalCandidate | 
         return float(-towards @ goal.outward[:2] / np.linalg.norm(towards))
 
     return sorted(found, key=lambda skeleton: (len(skeleton), away(skeleton)))
-

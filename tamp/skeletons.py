@@ -37,7 +37,9 @@ def skeletons(
     come in the order of operators and arms. Each role is played by one arm throughout.
     """
     number = count()
-    queue: list[tuple[int, int, State, Skeleton, frozenset[State]]] = [(0, next(number), initial, (), frozenset({initial}))]
+    queue: list[tuple[int, int, State, Skeleton, frozenset[State]]] = [
+        (0, next(number), initial, (), frozenset({initial}))
+    ]
     while queue:
         cost, _, state, stages, visited = heapq.heappop(queue)
         if solved(state):

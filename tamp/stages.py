@@ -1,4 +1,4 @@
-"""Whether one candidate of one stage works geometrically: keyframes, straight lines and contacts, before free motion."""
+"""Whether one candidate of one stage works geometrically: keyframes, lines and contacts, before free motion."""
 
 from __future__ import annotations
 
@@ -317,6 +317,9 @@ def broken(line: Broken, what: str) -> Reject:
     if isinstance(line.reason, Contact):
         contact = line.reason
         return Reject(
-            "collision", f"{what}: {contact} after {100 * line.fraction:.0f} % of the line", (contact.a, contact.b), contact.depth
+            "collision",
+            f"{what}: {contact} after {100 * line.fraction:.0f} % of the line",
+            (contact.a, contact.b),
+            contact.depth,
         )
     return Reject("cartesian", f"{what} ends after {100 * line.fraction:.0f} %: {line.reason}")

@@ -76,23 +76,36 @@ class Timeline:
         return np.array([[sx * x, sy * y, z] for sx in (-1, 1) for sy in (-1, 1) for z in (0.0, gripper.tip_offset)])
 
     def build(
-        self, roles: Roles, hold: Hold, exposure: Exposure, action: Action, seed: int,
-        counts: Mapping[str, int], scores: Mapping[str, float],
+        self,
+        roles: Roles,
+        hold: Hold,
+        exposure: Exposure,
+        action: Action,
+        seed: int,
+        counts: Mapping[str, int],
+        scores: Mapping[str, float],
     ) -> StagePlans | tuple[StageName, Reject]:
         """The stages, or the first one that cannot be made and why."""
         builder = _Builder(self, roles, hold, exposure, action, seed)
         try:
             steps: dict[StageName, list[Motion | Grip]] = {
-                "pregrasp": builder.pregrasp(), "lift": builder.lift(), "reorient": builder.reorient(),
-                "operate": builder.operate(), "release": builder.release(), "retreat": builder.retreat(),
+                "pregrasp": builder.pregrasp(),
+                "lift": builder.lift(),
+                "reorient": builder.reorient(),
+                "operate": builder.operate(),
+                "release": builder.release(),
+                "retreat": builder.retreat(),
             }
         except _Failed as failed:
             return failed.stage, failed.reject
         stages = [
             Stage(
-                name=name, arm=roles.assistant if name in ("pregrasp", "lift", "reorient") else roles.primary,
-                role="assistant" if name in ("pregrasp", "lift", "reorient") else "primary", steps=steps[name],
-                candidates_tried=counts.get(name, 1), score=float(scores.get(name, 1.0)),
+                name=name,
+                arm=roles.assistant if name in ("pregrasp", "lift", "reorient") else roles.primary,
+                role="assistant" if name in ("pregrasp", "lift", "reorient") else "primary",
+                steps=steps[name],
+                candidates_tried=counts.get(name, 1),
+                score=float(scores.get(name, 1.0)),
                 T_hand_object=None if name == "pregrasp" else matrix(hold.T_hand_object),
                 T_world_object=matrix(builder.object_after(name)),
             )
@@ -137,7 +150,11 @@ class _Builder:
 
     def lift(self) -> list[Motion | Grip]:
         allowed = self.by_assistant + ON_TABLE
-        return [self._timed("lift", self.roles.assistant, "lift", self.hold_.lift, self._held(None, allowed), allowed, CONTACT_SPEED)]
+        return [
+            self._timed(
+                "lift", self.roles.assistant, "lift", self.hold_.lift, self._held(None, allowed), allowed, CONTACT_SPEED
+            )
+        ]
 
     def reorient(self) -> list[Motion | Grip]:
         setup = self._held(None, self.by_assistant)
@@ -148,7 +165,12 @@ class _Builder:
         ready = action.candidate.opening
         near, touch = self._held(ready, self.by_assistant), self._held(action.opening, self.by_both)
         steps: list[Motion | Grip] = [
-            Grip(opening=ready, force=physics.OPEN_FORCE, duration=CLOSE_TIME if ready == 0.0 else OPEN_TIME, allowed=self.by_assistant),
+            Grip(
+                opening=ready,
+                force=physics.OPEN_FORCE,
+                duration=CLOSE_TIME if ready == 0.0 else OPEN_TIME,
+                allowed=self.by_assistant,
+            ),
             self._free("operate", side, action.approach.points[0], near, self.by_assistant, FREE_SPEED),
             self._timed("operate", side, "approach", action.approach, near, self.by_assistant, CONTACT_SPEED),
         ]
@@ -162,11 +184,17 @@ class _Builder:
         if action.release is not None:
             setup = self._held(0.0, self.by_both)
             return [self._timed("release", side, "retreat", action.release, setup, self.by_both, CONTACT_SPEED)]
-        return [Grip(opening=action.candidate.opening, force=physics.OPEN_FORCE, duration=OPEN_TIME, allowed=self.by_both)]
+        return [
+            Grip(opening=action.candidate.opening, force=physics.OPEN_FORCE, duration=OPEN_TIME, allowed=self.by_both)
+        ]
 
     def retreat(self) -> list[Motion | Grip]:
         setup = self._held(self.action.candidate.opening, self.by_both)
-        return [self._timed("retreat", self.roles.primary, "retreat", self.action.retreat, setup, self.by_both, CONTACT_SPEED)]
+        return [
+            self._timed(
+                "retreat", self.roles.primary, "retreat", self.action.retreat, setup, self.by_both, CONTACT_SPEED
+            )
+        ]
 
     # -- steps -----------------------------------------------------------------------------------------------------
 
@@ -181,7 +209,9 @@ class _Builder:
         """Close until the object stops the fingers: force, not position, ends it."""
         return Grip(opening=0.0, force=physics.GRIP_FORCE, duration=CLOSE_TIME, allowed=allowed)
 
-    def _free(self, stage: StageName, side: Side, goal: Array, setup: Setup, allowed: list[Pair], speed: float) -> Motion:
+    def _free(
+        self, stage: StageName, side: Side, goal: Array, setup: Setup, allowed: list[Pair], speed: float
+    ) -> Motion:
         setup()
         arm, still = self.timeline.arms[side], self._still(side)
         self.seed += 1
@@ -191,7 +221,14 @@ class _Builder:
         return self._timed(stage, side, "free", path, setup, allowed, speed)
 
     def _timed(
-        self, stage: StageName, side: Side, template: Template, path: JointPath, setup: Setup, allowed: list[Pair], speed: float
+        self,
+        stage: StageName,
+        side: Side,
+        template: Template,
+        path: JointPath,
+        setup: Setup,
+        allowed: list[Pair],
+        speed: float,
     ) -> Motion:
         model = self.workcell.arm(side)
         trajectory = retime(path, model, speed=speed)

@@ -19,8 +19,21 @@ TRACE_FORMAT = "bipremanip-trace"
 TRACE_VERSION = 1
 
 Cause = Literal[
-    "unreachable", "collision", "no_path", "cartesian", "timing", "uncertified", "proposal", "budget",
-    "not_held", "not_exposed", "not_moved", "slipped", "force", "tracking", "diverged",
+    "unreachable",
+    "collision",
+    "no_path",
+    "cartesian",
+    "timing",
+    "uncertified",
+    "proposal",
+    "budget",
+    "not_held",
+    "not_exposed",
+    "not_moved",
+    "slipped",
+    "force",
+    "tracking",
+    "diverged",
 ]
 """Why a candidate or an execution was rejected; the tally of a benchmark counts these."""
 
@@ -103,6 +116,4 @@ def dominant(rejections: list[Rejection]) -> Failure:
     here = [r for r in rejections if r.stage == furthest]
     cause, count = Counter(r.cause for r in here).most_common(1)[0]
     example = next(r for r in here if r.cause == cause)
-    return Failure(
-        stage=furthest, reason=cause, detail=f"{count} of {len(here)} candidates: {example.detail}"
-    )
+    return Failure(stage=furthest, reason=cause, detail=f"{count} of {len(here)} candidates: {example.detail}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -52,11 +53,14 @@ def observe(world: BulletWorld) -> Observation:
     The arms wait outside the cameras' view of the table when an observation is taken, so what stands on the table is
     the object. No simulator label is used.
     """
-    views = [_above_table(world.workcell, k, camera, render(world, camera)) for k, camera in enumerate(world.workcell.cameras)]
+    views = [
+        _above_table(world.workcell, k, camera, render(world, camera))
+        for k, camera in enumerate(world.workcell.cameras)
+    ]
     return Observation(*(np.concatenate(parts) for parts in zip(*views, strict=True)))
 
 
-def _above_table(workcell: Workcell, number: int, camera: Camera, image: Image) -> tuple[Array, Array, Array]:
+def _above_table(workcell: Workcell, number: int, camera: Camera, image: Image) -> tuple[Array, Array, Any]:
     world_points = unproject(camera, image.depth)
     table = workcell.table
     low = np.array([*(np.array(table.centre) - np.array(table.size) / 2), table.top + TABLE_BAND])
@@ -72,7 +76,9 @@ def save(observation: Observation, folder: Path) -> Path:
     """Write ``observation.npz`` into the run folder at once or not at all."""
     buffer = io.BytesIO()
     np.savez_compressed(
-        buffer, cloud=observation.cloud.astype(np.float32), colours=observation.colours.astype(np.float32),
+        buffer,
+        cloud=observation.cloud.astype(np.float32),
+        colours=observation.colours.astype(np.float32),
         pixels=observation.pixels,
     )
     return write_atomic(folder / OBSERVATION_FILE, buffer.getvalue())

@@ -50,8 +50,14 @@ def part_motion(world: BulletWorld) -> float:
 
 
 def judge(
-    world: BulletWorld, task: Task, assistant: Side, T_hand_body: pin.SE3, T_hand_body_at_grasp: pin.SE3, *,
-    peak_moved: float, peak_force: float,
+    world: BulletWorld,
+    task: Task,
+    assistant: Side,
+    T_hand_body: pin.SE3,
+    T_hand_body_at_grasp: pin.SE3,
+    *,
+    peak_moved: float,
+    peak_force: float,
 ) -> Verdict:
     """Judge an ``articulated`` episode.
 
@@ -69,16 +75,26 @@ def judge(
     turn = angle_between(T_hand_body_at_grasp.rotation, T_hand_body.rotation)
     held = holds(world, assistant) and not world.supported()
     checks = [
-        (peak_moved >= part.threshold, f"joint moved {_amount(world, peak_moved)} of {_amount(world, part.threshold)} needed"),
+        (
+            peak_moved >= part.threshold,
+            f"joint moved {_amount(world, peak_moved)} of {_amount(world, part.threshold)} needed",
+        ),
         (held, "the assistant no longer holds the object"),
-        (slip <= task.hold_slip, f"object slipped {1e3 * slip:.0f} mm in the assistant's hand, {1e3 * task.hold_slip:.0f} allowed"),
-        (turn <= task.hold_turn, f"object turned {np.degrees(turn):.0f} deg in the assistant's hand, {np.degrees(task.hold_turn):.0f} allowed"),
-        (part.kind != "press" or peak_force <= task.press_force, f"pressed with {peak_force:.0f} N, {task.press_force:.0f} allowed"),
+        (
+            slip <= task.hold_slip,
+            f"object slipped {1e3 * slip:.0f} mm in the hand, {1e3 * task.hold_slip:.0f} allowed",
+        ),
+        (
+            turn <= task.hold_turn,
+            f"object turned {np.degrees(turn):.0f} deg in the hand, {np.degrees(task.hold_turn):.0f} allowed",
+        ),
+        (
+            part.kind != "press" or peak_force <= task.press_force,
+            f"pressed with {peak_force:.0f} N, {task.press_force:.0f} allowed",
+        ),
     ]
     reasons = [text for good, text in checks if not good]
-    return Verdict(
-        not reasons, peak_moved, part.threshold, slip, turn, held, peak_force, "; ".join(reasons)
-    )
+    return Verdict(not reasons, peak_moved, part.threshold, slip, turn, held, peak_force, "; ".join(reasons))
 
 
 def _amount(world: BulletWorld, value: float) -> str:

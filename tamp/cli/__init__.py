@@ -1,4 +1,4 @@
-"""What ``bipre`` does with its arguments: one verb a module, JSON on stdout, everything human on stderr.
+"""What ``bipre`` does with its arguments: one verb a module, JSON on stdout, all human text on stderr.
 
 Exit codes: 0 success; 1 the task was not solved, or a check found something; 2 wrong use or bad input, with one readable
 message; 130 interrupted. An exception that is nobody's input error is a bug and ends in a traceback and exit code 70.
@@ -67,7 +67,10 @@ def _parse_and_run(verb: str, words: list[str], output: Output) -> int:
         width = contextlib.nullcontext() if asked else _wide()
         with width, contextlib.redirect_stderr(said), contextlib.redirect_stdout(shown):
             arguments = tyro.cli(
-                module.Arguments, prog=f"bipre {verb}", description=module.__doc__, args=words,
+                module.Arguments,
+                prog=f"bipre {verb}",
+                description=module.__doc__,
+                args=words,
                 config=(tyro.conf.FlagCreatePairsOff,),
             )
     except SystemExit as stop:
@@ -82,10 +85,16 @@ def _parse_and_run(verb: str, words: list[str], output: Output) -> int:
 def _unboxed(text: str) -> str:
     """An argument error as one message: without the frame around it and the repeated help of each argument."""
     lines = [line.strip(" │╭╮╰╯─") for line in text.splitlines()]
-    kept = [line for line in lines if line and set(line) != {"-"} and not line.startswith(("For full", "Argument help", "bipre "))]
+    kept = [
+        line
+        for line in lines
+        if line and set(line) != {"-"} and not line.startswith(("For full", "Argument help", "bipre "))
+    ]
     helps = [k for k, line in enumerate(kept) if line.startswith("-") or "(default:" in line or "(required)" in line]
     flags = [kept[k].partition("  ")[0] for k in helps if kept[k].startswith("-")]
-    message = ". ".join(line for k, line in enumerate(kept) if k not in helps and k > 0).rstrip(".").replace(":. ", ": ")
+    message = (
+        ". ".join(line for k, line in enumerate(kept) if k not in helps and k > 0).rstrip(".").replace(":. ", ": ")
+    )
     message = re.sub(r"invalid literal for int\(\) with base 10: (\S+)", r"\1 is not a whole number", message)
     message = re.sub(r"could not convert string to float: (\S+)", r"\1 is not a number", message)
     if message.endswith(":") and flags:
@@ -119,7 +128,12 @@ def _failed(error: Exception, output: Output, *, debug: bool) -> int:
 
 
 def _overview() -> str:
-    lines = ["usage: bipre VERB [ARGUMENTS] [--json] [--debug]", "", "Plans and runs two-arm preparatory manipulation.", ""]
+    lines = [
+        "usage: bipre VERB [ARGUMENTS] [--json] [--debug]",
+        "",
+        "Plans and runs two-arm preparatory manipulation.",
+        "",
+    ]
     for name, module in VERBS.items():
         first = (module().__doc__ or "").strip().splitlines()[0]
         lines.append(f"  {name:8} {first}")

@@ -43,7 +43,10 @@ def run(arguments: Arguments, output: Output) -> int:
     usable_count = sum(row["usable"] for row in rows)
     output.emit(
         {
-            "source": arguments.asset, "instances": rows, "usable": usable_count, "rejected": len(rows) - usable_count,
+            "source": arguments.asset,
+            "instances": rows,
+            "usable": usable_count,
+            "rejected": len(rows) - usable_count,
             "rejected_share": (len(rows) - usable_count) / max(1, len(rows)),
         }
     )
@@ -56,18 +59,28 @@ def _facts(found: Any) -> dict[str, Any]:
     if not isinstance(found, Asset):
         return {"reason": found.reason}
     return {
-        "kind": found.part.kind, "topology": found.topology, "split": found.split, "mass": round(found.mass, 4),
-        "travel": round(found.part.travel, 5), "notes": list(found.notes), "content_hash": found.content_hash,
+        "kind": found.part.kind,
+        "topology": found.topology,
+        "split": found.split,
+        "mass": round(found.mass, 4),
+        "travel": round(found.part.travel, 5),
+        "notes": list(found.notes),
+        "content_hash": found.content_hash,
     }
 
 
 def _show(rows: list[dict[str, Any]], output: Output) -> None:
     from rich.table import Table
 
-    table = Table("category", "instance", "operated by", "topology", "split", "mass", "remark", box=None, header_style="dim")
+    table = Table(
+        "category", "instance", "operated by", "topology", "split", "mass", "remark", box=None, header_style="dim"
+    )
     for row in rows:
         if row["usable"]:
-            mass, remark = f"{1e3 * row['mass']:.0f} g", f"{len(row['notes'])} supplied (--json)" if row["notes"] else ""
+            mass, remark = (
+                f"{1e3 * row['mass']:.0f} g",
+                f"{len(row['notes'])} supplied (--json)" if row["notes"] else "",
+            )
             table.add_row(*(row[key] for key in ("category", "instance", "kind", "topology", "split")), mass, remark)
         else:
             table.add_row(row["category"], row["instance"], "[red]rejected[/red]", "", "", "", row["reason"])

@@ -16,8 +16,19 @@ from msgspec import Struct
 from tamp.cli.output import Output
 
 NEEDED = {
-    "pybullet": "3.2.7", "ompl": "2.0.1", "pin": "4.1", "coal": "3.0", "toppra": "0.6.10", "numpy": "2.", "scipy": "1.",
-    "trimesh": "", "coacd": "", "msgspec": "", "tyro": "", "rich": "", "viser": "1.",
+    "pybullet": "3.2.7",
+    "ompl": "2.0.1",
+    "pin": "4.1",
+    "coal": "3.0",
+    "toppra": "0.6.10",
+    "numpy": "2.",
+    "scipy": "1.",
+    "trimesh": "",
+    "coacd": "",
+    "msgspec": "",
+    "tyro": "",
+    "rich": "",
+    "viser": "1.",
 }
 OPTIONAL = {"imageio-ffmpeg": "video", "torch": "learn"}
 
@@ -130,5 +141,10 @@ def _workcell() -> tuple[bool, bool, str]:
 
 
 MACHINE: dict[str, Callable[[], tuple[bool, bool, str]]] = {
-    "camera images": _images, "GPU": _gpu, "display": _display, "viewer port": _port, "cache": _cache, "workcells": _workcell,
+    "camera images": _images,
+    "GPU": _gpu,
+    "display": _display,
+    "viewer port": _port,
+    "cache": _cache,
+    "workcells": _workcell,
 }

@@ -8,7 +8,7 @@ import os
 import sys
 import time
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, ClassVar, TextIO
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -35,7 +35,9 @@ class Output:
                 os.dup2(2, 1)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         sys.stdout.flush()
         if self._kept is not None:
             os.dup2(self._kept, 1)
@@ -85,9 +87,13 @@ class Output:
 class Progress:
     """A line on stderr that says what is going on; silent when stderr is no terminal."""
 
-    PHASES = {
-        "world": "building the scene", "observe": "looking at the object", "plan": "searching for a plan",
-        "execute": "executing", "write": "writing the run folder", "verify": "checking the plan",
+    PHASES: ClassVar[dict[str, str]] = {
+        "world": "building the scene",
+        "observe": "looking at the object",
+        "plan": "searching for a plan",
+        "execute": "executing",
+        "write": "writing the run folder",
+        "verify": "checking the plan",
     }
 
     def __init__(self, output: Output, stream: TextIO | None = None) -> None:

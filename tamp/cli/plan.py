@@ -59,9 +59,17 @@ def run(arguments: Arguments, output: Output) -> int:
     from tamp.episode import Request, plan_episode
 
     request = Request(
-        category=arguments.category, asset=arguments.asset, instance=arguments.instance, split=arguments.split,
-        seed=arguments.seed, proposer=arguments.proposer, workcell=arguments.workcell,
-        execute=not arguments.no_execute, timeout=arguments.timeout, out=arguments.out, video=arguments.video,
+        category=arguments.category,
+        asset=arguments.asset,
+        instance=arguments.instance,
+        split=arguments.split,
+        seed=arguments.seed,
+        proposer=arguments.proposer,
+        workcell=arguments.workcell,
+        execute=not arguments.no_execute,
+        timeout=arguments.timeout,
+        out=arguments.out,
+        video=arguments.video,
     )
     with Progress(output) as progress:
         report = plan_episode(request, progress)
@@ -93,11 +101,11 @@ def show(report: Report, output: Output) -> None:
 
     console = output.console
     solved = {"success": "[green]success[/green]", "planned": "[green]planned[/green], not executed"}
+    status = solved.get(report.status, f"[red]{report.status.replace('_', ' ')}[/red]")
+    took = "plan found in" if report.stages else "searched"
     console.print(
-        f"{solved.get(report.status, f'[red]{report.status}[/red]')}  {report.category} {report.instance}, seed {report.seed}, "
-        f"{report.proposer}: plan found in {report.plan_seconds:.1f} s" if report.stages else
-        f"[red]no plan[/red]  {report.category} {report.instance}, seed {report.seed}, {report.proposer}: "
-        f"searched {report.plan_seconds:.1f} s"
+        f"{status}  {report.category} {report.instance}, seed {report.seed}, {report.proposer}: "
+        f"{took} {report.plan_seconds:.1f} s"
     )
     if report.stages:
         table = Table("stage", "arm", "role", "seconds", "candidates", "monitor", box=None, header_style="dim")
@@ -105,9 +113,13 @@ def show(report: Report, output: Output) -> None:
         for stage in report.stages:
             check = said.get(stage.name)
             monitor = "" if check is None else f"{'yes' if check.true else 'NO'}: {check.fact}, {check.detail}"
-            table.add_row(stage.name, stage.arm, stage.role, f"{stage.duration:.1f}", str(stage.candidates_tried), monitor)
+            table.add_row(
+                stage.name, stage.arm, stage.role, f"{stage.duration:.1f}", str(stage.candidates_tried), monitor
+            )
         console.print(table)
     if report.failure is not None:
-        console.print(f"failed at [bold]{report.failure.stage}[/bold] ({report.failure.reason}): {report.failure.detail}")
+        console.print(
+            f"failed at [bold]{report.failure.stage}[/bold] ({report.failure.reason}): {report.failure.detail}"
+        )
         console.print(f"what was tried: bipre why {report.run_dir}")
     console.print(f"saved {report.run_dir}/   open plan.html in any browser")

@@ -36,10 +36,11 @@ def run(arguments: Arguments, output: Output) -> int:
     console = output.console
     console.print(
         f"{'[green]ok[/green]' if found.ok else '[red]violations[/red]'}  {found.checked_states} states checked in "
-        f"{found.seconds:.1f} s, clearance {1e3 * found.min_clearance:.1f} mm, velocity {100 * found.max_velocity_ratio:.0f} % and "
-        f"acceleration {100 * found.max_acceleration_ratio:.0f} % of the limits"
+        f"{found.seconds:.1f} s, clearance {1e3 * found.min_clearance:.1f} mm, "
+        f"velocity {100 * found.max_velocity_ratio:.0f} % and acceleration {100 * found.max_acceleration_ratio:.0f} % of the limits"
     )
     for violation in found.violations:
-        console.print(f"  {violation.kind} in {violation.stage}, step {violation.step}, at {violation.time:.2f} s: {violation.detail}")
+        where = f"{violation.stage}, step {violation.step}, at {violation.time:.2f} s"
+        console.print(f"  {violation.kind} in {where}: {violation.detail}")
     output.emit(found)
     return 0 if found.ok else 1

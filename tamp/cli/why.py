@@ -60,9 +60,17 @@ def run(arguments: Arguments, output: Output) -> int:
         output.console.print(f"failed at {trace.failure.stage} ({trace.failure.reason}): {trace.failure.detail}")
     output.emit(
         {
-            "status": trace.status, "category": trace.category, "instance": trace.instance, "seed": trace.seed,
-            "proposer": trace.proposer, "plan_seconds": trace.plan_seconds, "skeletons": trace.skeletons,
-            "chosen": trace.chosen, "rejected": len(trace.rejections), "rejections": tallies, "failure": trace.failure,
+            "status": trace.status,
+            "category": trace.category,
+            "instance": trace.instance,
+            "seed": trace.seed,
+            "proposer": trace.proposer,
+            "plan_seconds": trace.plan_seconds,
+            "skeletons": trace.skeletons,
+            "chosen": trace.chosen,
+            "rejected": len(trace.rejections),
+            "rejections": tallies,
+            "failure": trace.failure,
         }
     )
     return 0
@@ -72,7 +80,9 @@ def _show(status: str, skeletons: list[list[str]], chosen: int | None, tallies: 
     from rich.table import Table
 
     console = output.console
-    console.print(f"{status}: {len(skeletons)} skeleton(s) tried, {sum(t.count for t in tallies)} candidate(s) rejected")
+    console.print(
+        f"{status}: {len(skeletons)} skeleton(s) tried, {sum(t.count for t in tallies)} candidate(s) rejected"
+    )
     for number, skeleton in enumerate(skeletons):
         console.print(f"  {number + 1}  {' '.join(skeleton)}{'   <- the plan' if number == chosen else ''}")
     if tallies:

@@ -17,7 +17,12 @@ from worlds.assets import library
 from worlds.labels import truth
 
 ROLES = Roles(assistant="left", primary="right")
-CASES = (("Bottle", "bottle-000"), ("Bottle", "bottle-002"), ("Dispenser", "dispenser-000"), ("Dispenser", "dispenser-001"))
+CASES = (
+    ("Bottle", "bottle-000"),
+    ("Bottle", "bottle-002"),
+    ("Dispenser", "dispenser-000"),
+    ("Dispenser", "dispenser-001"),
+)
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: case[1])
@@ -96,4 +101,7 @@ def test_reorient_keeps_the_object_in_the_hand(asked: tuple[HeuristicProposer, S
 def test_the_same_rng_proposes_the_same(asked: tuple[HeuristicProposer, SceneView]) -> None:
     proposer, view = asked
     first, second = (proposer.goal(view, np.random.default_rng(7)) for _ in range(2))
-    assert all(np.array_equal(a.T_world_hand.homogeneous, b.T_world_hand.homogeneous) for a, b in zip(first, second, strict=True))
+    assert all(
+        np.array_equal(a.T_world_hand.homogeneous, b.T_world_hand.homogeneous)
+        for a, b in zip(first, second, strict=True)
+    )

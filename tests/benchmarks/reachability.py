@@ -25,8 +25,10 @@ from robots.model import ArmKinematics, DualArm
 from robots.spatial import Array, hand_rotation, perpendicular, rotation_about, unit
 from robots.workcell import SIDES, Workcell, load_workcell, other
 
-Arrangement = tuple[tuple[float, float, float], float, tuple[float, float], tuple[tuple[float, float], tuple[float, float]]]
-"""Left base position [m] and yaw [rad] (the right one mirrors it); shared middle; a point of the near edge, its outward normal."""
+Arrangement = tuple[
+    tuple[float, float, float], float, tuple[float, float], tuple[tuple[float, float], tuple[float, float]]
+]
+"""Left base position [m] and yaw [rad], mirrored for the right; shared middle; a point of the near edge and its normal."""
 
 FACING_EDGE = ((0.0, -0.20), (0.0, -1.0))
 SIDE_EDGE = ((-0.10, 0.0), (-1.0, 0.0))
@@ -55,7 +57,10 @@ def arranged(mirror: str, arrangement: Arrangement) -> DualArm:
 def reaches(arm: ArmKinematics, R: Array, tcp: Array, rng: np.random.Generator) -> bool:
     """Whether inverse kinematics puts the tool centre point at ``tcp`` with hand rotation ``R``."""
     T_world_tcp = pin.SE3(R, np.asarray(tcp, dtype=np.float64))
-    return isinstance(ik.solve(arm, T_world_tcp * arm.T_hand_tcp.inverse(), rng=rng, seeds=[arm.home], restarts=6, wanted=1), ik.Reached)
+    return isinstance(
+        ik.solve(arm, T_world_tcp * arm.T_hand_tcp.inverse(), rng=rng, seeds=[arm.home], restarts=6, wanted=1),
+        ik.Reached,
+    )
 
 
 def shares(arms: DualArm, arrangement: Arrangement, samples: int, seed: int = 1) -> dict[str, dict[str, float]]:
@@ -63,7 +68,14 @@ def shares(arms: DualArm, arrangement: Arrangement, samples: int, seed: int = 1)
     _, _, middle, (edge, outward) = arrangement
     return {
         f"primary {primary}": {
-            name: float(np.mean([task(arms[primary], arms[other(primary)], np.asarray(middle), edge, outward, rng) for _ in range(samples)]))
+            name: float(
+                np.mean(
+                    [
+                        task(arms[primary], arms[other(primary)], np.asarray(middle), edge, outward, rng)
+                        for _ in range(samples)
+                    ]
+                )
+            )
             for name, task in TASKS.items()
         }
         for primary in SIDES
@@ -71,13 +83,17 @@ def shares(arms: DualArm, arrangement: Arrangement, samples: int, seed: int = 1)
     }
 
 
-def _down(primary: ArmKinematics, assistant: ArmKinematics, middle: Array, edge: object, out: object, rng: np.random.Generator) -> bool:
+def _down(
+    primary: ArmKinematics, assistant: ArmKinematics, middle: Array, edge: object, out: object, rng: np.random.Generator
+) -> bool:
     yaw = rng.uniform(0.0, np.pi)
     spot = np.array([*(middle + rng.uniform(-0.12, 0.12, 2)), 0.03])
     return reaches(assistant, hand_rotation([0, 0, -1], [np.cos(yaw), np.sin(yaw), 0]), spot, rng)
 
 
-def _both(primary: ArmKinematics, assistant: ArmKinematics, middle: Array, edge: object, out: object, rng: np.random.Generator) -> bool:
+def _both(
+    primary: ArmKinematics, assistant: ArmKinematics, middle: Array, edge: object, out: object, rng: np.random.Generator
+) -> bool:
     held = np.array([*(middle + rng.uniform(-0.05, 0.05, 2)), rng.uniform(0.25, 0.40)])
     towards = primary.base - held
     facing = rotation_about([0, 0, 1], rng.uniform(-0.5, 0.5)) @ unit([towards[0], towards[1], 0.0])
@@ -94,19 +110,45 @@ def _edge_spot(edge: tuple[float, float], out: tuple[float, float], rng: np.rand
     return np.array([*edge, rng.uniform(0.0, 0.03)]) + along + outward * rng.uniform(0.0, 0.04), outward
 
 
-def _edge(primary: ArmKinematics, assistant: ArmKinematics, middle: Array, edge: tuple[float, float], out: tuple[float, float], rng: np.random.Generator) -> bool:
+def _edge(
+    primary: ArmKinematics,
+    assistant: ArmKinematics,
+    middle: Array,
+    edge: tuple[float, float],
+    out: tuple[float, float],
+    rng: np.random.Generator,
+) -> bool:
     spot, outward = _edge_spot(edge, out, rng)
     return reaches(primary, hand_rotation(-outward, [0, 0, 1]), spot, rng)
 
 
-def _under(primary: ArmKinematics, assistant: ArmKinematics, middle: Array, edge: tuple[float, float], out: tuple[float, float], rng: np.random.Generator) -> bool:
+def _under(
+    primary: ArmKinematics,
+    assistant: ArmKinematics,
+    middle: Array,
+    edge: tuple[float, float],
+    out: tuple[float, float],
+    rng: np.random.Generator,
+) -> bool:
     spot, outward = _edge_spot(edge, out, rng)
     return reaches(primary, hand_rotation([*(-outward[:2]), 1.0], [*outward[:2], 1.0]), spot, rng)
 
 
-def _push(primary: ArmKinematics, assistant: ArmKinematics, middle: Array, edge: tuple[float, float], out: tuple[float, float], rng: np.random.Generator) -> bool:
+def _push(
+    primary: ArmKinematics,
+    assistant: ArmKinematics,
+    middle: Array,
+    edge: tuple[float, float],
+    out: tuple[float, float],
+    rng: np.random.Generator,
+) -> bool:
     spot, outward = _edge_spot(edge, out, rng)
-    return reaches(assistant, hand_rotation([0, 0, -1], np.cross([0, 0, 1], outward)), spot - outward * rng.uniform(0.09, 0.29), rng)
+    return reaches(
+        assistant,
+        hand_rotation([0, 0, -1], np.cross([0, 0, 1], outward)),
+        spot - outward * rng.uniform(0.09, 0.29),
+        rng,
+    )
 
 
 TASKS: dict[str, Callable[..., bool]] = {"down": _down, "both": _both, "edge": _edge, "under": _under, "push": _push}

@@ -21,7 +21,9 @@ def collision_vertices(asset: Asset) -> dict[str, Array]:
     found: dict[str, list[Array]] = {}
     for shape in geometry.geometryObjects:
         link = str(model.frames[shape.parentFrame].name)
-        found.setdefault(link, []).append(points(data.oMi[shape.parentJoint] * shape.placement, _corners(shape.geometry)))
+        found.setdefault(link, []).append(
+            points(data.oMi[shape.parentJoint] * shape.placement, _corners(shape.geometry))
+        )
     return {link: frozen(np.concatenate(parts)) for link, parts in found.items()}
 
 

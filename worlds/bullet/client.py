@@ -73,7 +73,9 @@ def bullet_pose(T: pin.SE3) -> tuple[list[float], list[float]]:
 def from_bullet(xyz: Any, quaternion: Any) -> pin.SE3:
     """The pose of a PyBullet position and xyzw quaternion."""
     quaternion = np.asarray(quaternion, dtype=np.float64)
-    return pin.XYZQUATToSE3(np.concatenate([np.asarray(xyz, dtype=np.float64), quaternion / np.linalg.norm(quaternion)]))
+    return pin.XYZQUATToSE3(
+        np.concatenate([np.asarray(xyz, dtype=np.float64), quaternion / np.linalg.norm(quaternion)])
+    )
 
 
 def joint_numbers(client: Client, body: int) -> tuple[dict[str, int], dict[str, int]]:

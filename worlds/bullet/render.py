@@ -17,8 +17,14 @@ def render(world: BulletWorld, camera: Camera) -> Image:
     view = client.computeViewMatrix(camera.eye, camera.target, camera.up)
     projection = client.computeProjectionMatrixFOV(camera.fov_deg, camera.width / camera.height, near, far)
     width, height, rgba, buffer, bodies = client.getCameraImage(
-        camera.width, camera.height, view, projection, renderer=client.ER_TINY_RENDERER, shadow=1,
-        flags=client.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX, lightDirection=[0.4, -0.6, 1.5],
+        camera.width,
+        camera.height,
+        view,
+        projection,
+        renderer=client.ER_TINY_RENDERER,
+        shadow=1,
+        flags=client.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
+        lightDirection=[0.4, -0.6, 1.5],
     )
     shape = (height, width)
     buffer = np.asarray(buffer, dtype=np.float64).reshape(shape)

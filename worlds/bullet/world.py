@@ -64,7 +64,9 @@ class BulletWorld:
             fixedTimeStep=physics.STEP, numSolverIterations=physics.SOLVER_ITERATIONS, deterministicOverlappingPairs=1
         )
         client.setGravity(0.0, 0.0, -physics.GRAVITY)
-        self.table = self._box_top(workcell.table.centre, workcell.table.size, workcell.table.top, workcell.table.thickness)
+        self.table = self._box_top(
+            workcell.table.centre, workcell.table.size, workcell.table.top, workcell.table.thickness
+        )
         self.floor = self._box_top((0.0, 0.0), (4.0, 4.0), workcell.floor, 0.1)
         client.changeVisualShape(self.table, -1, rgbaColor=[0.80, 0.76, 0.68, 1.0])
         client.changeVisualShape(self.floor, -1, rgbaColor=[0.55, 0.56, 0.58, 1.0])
@@ -97,16 +99,19 @@ class BulletWorld:
             client.changeDynamics(arm.body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0)
         for link in arm.finger_links:
             client.changeDynamics(
-                arm.body, link, lateralFriction=physics.PAD_FRICTION, spinningFriction=physics.PAD_SPINNING,
-                rollingFriction=physics.PAD_ROLLING, contactStiffness=physics.PAD_STIFFNESS,
-                contactDamping=physics.PAD_DAMPING, frictionAnchor=1,
+                arm.body,
+                link,
+                lateralFriction=physics.PAD_FRICTION,
+                spinningFriction=physics.PAD_SPINNING,
+                rollingFriction=physics.PAD_ROLLING,
+                contactStiffness=physics.PAD_STIFFNESS,
+                contactDamping=physics.PAD_DAMPING,
+                frictionAnchor=1,
             )
         gear = client.createConstraint(
             arm.body, arm.fingers[0], arm.body, arm.fingers[1], client.JOINT_GEAR, [1, 0, 0], [0, 0, 0], [0, 0, 0]
         )
-        client.changeConstraint(
-            gear, gearRatio=-1, erp=physics.FINGER_GEAR_ERP, maxForce=physics.FINGER_GEAR_FORCE
-        )
+        client.changeConstraint(gear, gearRatio=-1, erp=physics.FINGER_GEAR_ERP, maxForce=physics.FINGER_GEAR_FORCE)
         self.put_arm(side, np.asarray(self.workcell.placement(side).home), arm.model.gripper.finger_travel)
 
     def put_arm(self, side: Side, q: Array, opening: float) -> None:
@@ -128,8 +133,12 @@ class BulletWorld:
         self.object_links = {number: name for name, number in links.items()}
         for link in range(-1, client.getNumJoints(self.object)):
             client.changeDynamics(
-                self.object, link, lateralFriction=physics.OBJECT_FRICTION, spinningFriction=physics.OBJECT_SPINNING,
-                rollingFriction=physics.OBJECT_ROLLING, jointDamping=0.0,
+                self.object,
+                link,
+                lateralFriction=physics.OBJECT_FRICTION,
+                spinningFriction=physics.OBJECT_SPINNING,
+                rollingFriction=physics.OBJECT_ROLLING,
+                jointDamping=0.0,
             )
         self._damp_object(physics.OBJECT_DAMPING)
         for name, joint in asset.joints.items():
@@ -197,9 +206,14 @@ class BulletWorld:
         """Position targets ``(7,)`` [rad] with feed-forward velocities ``(7,)`` [rad/s], within the torque limits."""
         arm = self.arms[side]
         self.client.setJointMotorControlArray(
-            arm.body, arm.joints, self.client.POSITION_CONTROL, targetPositions=[float(v) for v in q],
-            targetVelocities=[float(v) for v in qd], forces=list(arm.model.torque),
-            positionGains=[physics.ARM_POSITION_GAIN] * 7, velocityGains=[physics.ARM_VELOCITY_GAIN] * 7,
+            arm.body,
+            arm.joints,
+            self.client.POSITION_CONTROL,
+            targetPositions=[float(v) for v in q],
+            targetVelocities=[float(v) for v in qd],
+            forces=list(arm.model.torque),
+            positionGains=[physics.ARM_POSITION_GAIN] * 7,
+            velocityGains=[physics.ARM_VELOCITY_GAIN] * 7,
         )
 
     def command_fingers(self, side: Side, opening: float, force: float) -> None:
@@ -208,8 +222,12 @@ class BulletWorld:
         grip = arm.model.gripper
         for joint in arm.fingers:
             self.client.setJointMotorControl2(
-                arm.body, joint, self.client.POSITION_CONTROL, targetPosition=opening,
-                force=min(force, grip.force_limit), maxVelocity=grip.finger_velocity,
+                arm.body,
+                joint,
+                self.client.POSITION_CONTROL,
+                targetPosition=opening,
+                force=min(force, grip.force_limit),
+                maxVelocity=grip.finger_velocity,
             )
 
     def arm_positions(self, side: Side) -> Array:
