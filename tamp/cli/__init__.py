@@ -1,4 +1,4 @@
-"""What ``bipre`` does with its arguments: one verb a module, JSON on stdout, all human text on stderr.
+"""What ``bipre`` does with its arguments: one verb a module, JSON on stdout, text on stderr.
 
 Exit codes: 0 success; 1 the task was not solved, or a check found something; 2 wrong use or bad input, with one readable
 message; 130 interrupted. An exception that is nobody's input error is a bug and ends in a traceback and exit code 70.

@@ -34,10 +34,11 @@ def run(arguments: Arguments, output: Output) -> int:
         progress.begin("verify")
         found = verify(plan)
     console = output.console
+    verdict = "[green]ok[/green]" if found.ok else "[red]violations[/red]"
     console.print(
-        f"{'[green]ok[/green]' if found.ok else '[red]violations[/red]'}  {found.checked_states} states checked in "
-        f"{found.seconds:.1f} s, clearance {1e3 * found.min_clearance:.1f} mm, "
-        f"velocity {100 * found.max_velocity_ratio:.0f} % and acceleration {100 * found.max_acceleration_ratio:.0f} % of the limits"
+        f"{verdict}  {found.checked_states} states checked in {found.seconds:.1f} s, "
+        f"clearance {1e3 * found.min_clearance:.1f} mm, velocity {100 * found.max_velocity_ratio:.0f} % and "
+        f"acceleration {100 * found.max_acceleration_ratio:.0f} % of the limits"
     )
     for violation in found.violations:
         where = f"{violation.stage}, step {violation.step}, at {violation.time:.2f} s"

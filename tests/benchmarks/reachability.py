@@ -28,7 +28,7 @@ from robots.workcell import SIDES, Workcell, load_workcell, other
 Arrangement = tuple[
     tuple[float, float, float], float, tuple[float, float], tuple[tuple[float, float], tuple[float, float]]
 ]
-"""Left base position [m] and yaw [rad], mirrored for the right; shared middle; a point of the near edge and its normal."""
+"""Left base position [m] and yaw [rad], mirrored for the right; shared middle; near edge: a point and its normal."""
 
 FACING_EDGE = ((0.0, -0.20), (0.0, -1.0))
 SIDE_EDGE = ((-0.10, 0.0), (-1.0, 0.0))
