@@ -1,7 +1,7 @@
 """What ``bipre`` does with its arguments: one verb a module, JSON on stdout, text on stderr.
 
-Exit codes: 0 success; 1 the task was not solved, or a check found something; 2 wrong use or bad input, with one readable
-message; 130 interrupted. An exception that is nobody's input error is a bug and ends in a traceback and exit code 70.
+Exit codes: 0 success; 1 the task was not solved, or a check found something; 2 wrong use or bad input, with one
+readable message; 130 interrupted. An exception that is nobody's input error is a bug: a traceback and exit code 70.
 """
 
 from __future__ import annotations
