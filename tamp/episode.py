@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -29,7 +30,7 @@ from tamp.refine import Budget, Search, Solved, Unsolved, order
 from tamp.skeletons import roles_of, skeletons
 from tamp.stages import StageChecker
 from tamp.timeline import Timeline
-from tamp.trace import Failure, Trace
+from tamp.trace import Failure, Trace, TraceStatus
 from worlds import observe, scene
 from worlds.assets import library
 from worlds.assets.asset import Asset, Split
@@ -39,6 +40,10 @@ from worlds.observe import Observation
 from worlds.tasks import task_of
 
 PROPOSERS = ("heuristic",)
+
+MIN_POINTS = 50
+"""Observed points with which planning begins."""
+
 OUTCOME_FILE = "outcome.json"
 OWN_FILES = (
     plan_file.PLAN_FILE,
@@ -120,55 +125,131 @@ class Watch(Protocol):
 def plan_episode(request: Request, watch: Watch) -> Report:
     """Plan one episode, execute it unless told not to, and write its run folder.
 
+    An interruption keeps the trace of what was tried until then, and the plan if there was one.
+
     Raises:
         BadInput: Something in the request cannot be used; nothing has been written then.
     """
-    task = task_of(request.category)
+    task_of(request.category)
     if request.proposer not in PROPOSERS:
         raise UnknownName("proposer", request.proposer, PROPOSERS)
+    if request.video:
+        from tamp.view.video import require_video
+
+        require_video()
     workcell = load_workcell(request.workcell)
     watch.begin("world")
     asset = _asset(request)
     with scene.build(workcell, asset, request.seed) as world:
-        folder = prepared_folder(request, asset)
         watch.begin("observe")
         observation = observe.observe(world)
+        if (seen := len(observation.cloud)) < MIN_POINTS:
+            raise BadInput(f"The cameras see {seen} points of {asset.instance}; {MIN_POINTS} are needed.")
+        folder = prepared_folder(request, asset)
         observe.save(observation, folder)
-        watch.begin("plan")
-        arms = DualArm(workcell)
-        started = time.perf_counter()
-        plan, search, unsolved = _plan(request, workcell, asset, world, observation, arms)
-        if plan is not None:
-            plan_file.save(plan, folder)
-        seconds = time.perf_counter() - started
-        outcome: Outcome | None = None
-        executing = time.perf_counter()
-        if plan is not None and request.execute:
-            watch.begin("execute")
-            outcome = _execute(plan, world, arms, folder, request.video)
-        spent = time.perf_counter() - executing
+        episode = _Episode(request, workcell, asset, observation, folder)
+        try:
+            episode.run(world, watch)
+        except KeyboardInterrupt:
+            episode.save_trace("interrupted")
+            raise
     watch.begin("write")
-    failure = _failure(search, unsolved, request.timeout) if plan is None else (outcome.failure if outcome else None)
-    trace = Trace(
-        category=task.category,
-        instance=asset.instance,
-        seed=request.seed,
-        proposer=request.proposer,
-        skeletons=[[str(stage) for stage in skeleton] for skeleton in search.tried],
-        rejections=search.rejections,
-        chosen=len(search.tried) - 1 if plan is not None else None,
-        plan_seconds=round(seconds, 3),
-        status=_status(plan, outcome),
-        failure=failure,
-    )
-    trace_file.save(trace, folder)
-    if plan is not None:
-        from tamp.view.html import write_html
+    return episode.write()
 
-        write_html(plan, observation.cloud, observation.colours, folder, trace)
-    report = _report(plan, outcome, failure, asset, request.seed, request.proposer, seconds, spent, folder)
-    write_atomic(folder / OUTCOME_FILE, msgspec.json.format(msgspec.json.encode(report), indent=1))
-    return report
+
+@dataclass
+class _Episode:
+    """One episode in progress, so that whatever ends it can save what there is."""
+
+    request: Request
+    workcell: Workcell
+    asset: Asset
+    observation: Observation
+    folder: Path
+    plan: Plan | None = None
+    search: Search | None = None
+    unsolved: Unsolved | None = None
+    outcome: Outcome | None = None
+    plan_seconds: float = 0.0
+    execute_seconds: float = 0.0
+
+    def run(self, world: BulletWorld, watch: Watch) -> None:
+        """Search, save the plan, execute it."""
+        watch.begin("plan")
+        arms, started = DualArm(self.workcell), time.perf_counter()
+        T_world_object = pose(np.round(self.observation.cloud.mean(axis=0), 9))
+        view = SceneView(self.workcell, self.observation.cloud, pin.SE3.Identity(), np.zeros((0, 3)))
+        self.search = _search(self.request, view, arms, T_world_object, self._proposer(world))
+        first = self.search.proposer.goal(view, np.random.default_rng(self.request.seed))
+        result = self.search.run(order(skeletons(), view, first[0] if first else None))
+        if isinstance(result, Solved):
+            self.plan = _as_plan(self.request, self.workcell, self.asset, self.observation, T_world_object, result)
+            plan_file.save(self.plan, self.folder)
+        else:
+            self.unsolved = result
+        self.plan_seconds = time.perf_counter() - started
+        if self.plan is not None and self.request.execute:
+            watch.begin("execute")
+            started = time.perf_counter()
+            self.outcome = _execute(self.plan, world, arms, self.folder, self.request.video)
+            self.execute_seconds = time.perf_counter() - started
+
+    def _proposer(self, world: BulletWorld) -> Proposer:
+        """The proposer asked for; only the heuristic one may look at the world."""
+        return HeuristicProposer(truth(world, self.observation), self.workcell.arm("left").gripper)
+
+    def save_trace(self, status: TraceStatus) -> Trace:
+        """Write what was tried until now."""
+        tried = [] if self.search is None else self.search.tried
+        trace = Trace(
+            category=self.asset.category,
+            instance=self.asset.instance,
+            seed=self.request.seed,
+            proposer=self.request.proposer,
+            skeletons=[[str(stage) for stage in skeleton] for skeleton in tried],
+            rejections=[] if self.search is None else self.search.rejections,
+            chosen=len(tried) - 1 if self.plan is not None else None,
+            plan_seconds=round(self.plan_seconds, 3),
+            status=status,
+            failure=self.failure() if status != "interrupted" else None,
+        )
+        trace_file.save(trace, self.folder)
+        return trace
+
+    def failure(self) -> Failure | None:
+        """Why it was not solved."""
+        if self.plan is not None:
+            return None if self.outcome is None else self.outcome.failure
+        rejections = [] if self.search is None else self.search.rejections
+        if not rejections:
+            limit = self.request.timeout
+            return Failure(stage="pregrasp", reason="budget", detail=f"no candidate was finished within {limit:g} s")
+        found = trace_file.dominant(rejections)
+        if self.unsolved is not None and self.unsolved.timed_out:
+            late = f"{found.detail} (the search ended at its limit of {self.request.timeout:g} s)"
+            return Failure(stage=found.stage, reason=found.reason, detail=late)
+        return found
+
+    def write(self) -> Report:
+        """Write the rest of the run folder and report."""
+        trace = self.save_trace(_status(self.plan, self.outcome))
+        if self.plan is not None:
+            from tamp.view.html import write_html
+
+            write_html(self.plan, self.observation.cloud, self.observation.colours, self.folder, trace)
+        report = _report(
+            self.plan,
+            self.outcome,
+            trace.failure,
+            self.asset,
+            self.request.seed,
+            self.request.proposer,
+            self.plan_seconds,
+            self.execute_seconds,
+            self.folder,
+        )
+        write_atomic(self.folder / OUTCOME_FILE, msgspec.json.format(msgspec.json.encode(report), indent=1))
+        return report
 
 
 def run_again(folder: Path, *, video: bool, watch: Watch) -> Report:
@@ -208,9 +289,12 @@ def prepared_folder(request: Request, asset: Asset) -> Path:
     foreign = sorted(entry.name for entry in folder.iterdir() if entry.name not in OWN_FILES) if folder.is_dir() else []
     if foreign:
         raise BadRunFolder(f"--out {folder} holds files of something else ({foreign[0]}); give a new or empty folder.")
-    if folder.is_dir():
-        shutil.rmtree(folder)
-    folder.mkdir(parents=True)
+    try:
+        if folder.is_dir():
+            shutil.rmtree(folder)
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise BadRunFolder(f"Run folder {folder} cannot be made: {error.strerror}.") from error
     return folder
 
 
@@ -220,39 +304,14 @@ def _asset(request: Request) -> Asset:
     return library.load(request.asset, request.category, request.instance)
 
 
-def _plan(
-    request: Request, workcell: Workcell, asset: Asset, world: BulletWorld, observation: Observation, arms: DualArm
-) -> tuple[Plan | None, Search, Unsolved | None]:
-    """Search for a plan from the observation; only the proposer may look at the world."""
-    if len(observation.cloud) < 50:
-        raise BadInput(f"The cameras see {len(observation.cloud)} points of {asset.instance}; 50 are needed.")
-    T_world_object = pose(np.round(observation.cloud.mean(axis=0), 9))
-    cloud = observation.cloud - T_world_object.translation
-    collisions = CollisionWorld(workcell)
-    collisions.set_object(
-        [hull - T_world_object.translation for hull in observed_hulls(observation.cloud, workcell.table.top)]
-    )
-    proposer = _proposer(request, workcell, world, observation)
-    checker = StageChecker(workcell, arms, collisions, cloud, T_world_object)
-    view = SceneView(workcell, observation.cloud, pin.SE3.Identity(), np.zeros((0, 3)))
-    search = Search(
-        workcell,
-        proposer,
-        checker,
-        Timeline(workcell, arms, checker),
-        view,
-        request.seed,
-        Budget(seconds=request.timeout),
-    )
-    first = proposer.goal(view, np.random.default_rng(request.seed))
-    result = search.run(order(skeletons(), view, first[0] if first else None))
-    if isinstance(result, Unsolved):
-        return None, search, result
-    return _as_plan(request, workcell, asset, observation, T_world_object, result), search, None
-
-
-def _proposer(request: Request, workcell: Workcell, world: BulletWorld, observation: Observation) -> Proposer:
-    return HeuristicProposer(truth(world, observation), workcell.arm("left").gripper)
+def _search(request: Request, view: SceneView, arms: DualArm, T_world_object: pin.SE3, proposer: Proposer) -> Search:
+    """A search that knows the observation, the workcell and what the proposer says, and nothing else."""
+    workcell, collisions = view.workcell, CollisionWorld(view.workcell)
+    hulls = observed_hulls(view.cloud, workcell.table.top)
+    collisions.set_object([hull - T_world_object.translation for hull in hulls])
+    checker = StageChecker(workcell, arms, collisions, view.cloud - T_world_object.translation, T_world_object)
+    timeline = Timeline(workcell, arms, checker)
+    return Search(workcell, proposer, checker, timeline, view, request.seed, Budget(seconds=request.timeout))
 
 
 def _as_plan(
@@ -298,12 +357,6 @@ def _execute(plan: Plan, world: BulletWorld, arms: DualArm, folder: Path, video:
     with Recorder(world, folder / "execution.mp4") as recorder:
         camera: Camera = recorder
         return execute(plan, world, arms, task, camera)
-
-
-def _failure(search: Search, unsolved: Unsolved | None, timeout: float) -> Failure:
-    if unsolved is not None and unsolved.timed_out and not search.rejections:
-        return Failure(stage="pregrasp", reason="budget", detail=f"no candidate was finished within {timeout:g} s")
-    return trace_file.dominant(search.rejections)
 
 
 def _status(plan: Plan | None, outcome: Outcome | None) -> Status:

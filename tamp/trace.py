@@ -38,6 +38,9 @@ Cause = Literal[
 """Why a candidate or an execution was rejected; the tally of a benchmark counts these."""
 
 
+TraceStatus = Literal["success", "planned", "no_plan", "execution_failed", "interrupted"]
+
+
 class Rejection(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One candidate that was tried and dropped."""
 
@@ -86,7 +89,7 @@ class Trace(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Number of the skeleton of the plan; ``None`` without a plan."""
     plan_seconds: float
     """Wall time from the observation to the saved plan [s]."""
-    status: Literal["success", "planned", "no_plan", "execution_failed"]
+    status: TraceStatus
     failure: Failure | None
 
 
