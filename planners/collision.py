@@ -27,6 +27,9 @@ REACH_CAP = 1.0
 FLOOR_SIZE, FLOOR_DEPTH = 20.0, 2.0
 """The floor is a box of this width and depth [m], deep enough that nothing falls through between two samples."""
 
+FLAT = 1e-6
+"""Spread across its thinnest direction [m] below which a piece has no volume: Coal's hull crashes on one."""
+
 
 @dataclass(frozen=True, slots=True)
 class Contact:
@@ -239,13 +242,13 @@ def _cell_geometry(workcell: Workcell) -> tuple[pin.Model, pin.GeometryModel]:
 
 def _piece(number: int, vertices: Array) -> pin.GeometryObject:
     """One convex piece of the object."""
+    vertices = np.asarray(vertices, dtype=np.float64)
+    if len(vertices) < 4 or np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)[-1] < FLAT:
+        raise ValueError(f"piece {number} of the object has no volume: {len(vertices)} vertices in one plane")
     cloud = coal.StdVec_Vec3s()
-    for vertex in np.asarray(vertices, dtype=np.float64):
+    for vertex in vertices:
         cloud.append(vertex)
-    try:
-        hull = coal.Convex.convexHull(cloud, True, "Qt")
-    except (RuntimeError, ValueError) as error:
-        raise ValueError(f"piece {number} of the object has no volume: {len(cloud)} vertices") from error
+    hull = coal.Convex.convexHull(cloud, True, "Qt")
     hull.computeLocalAABB()
     return pin.GeometryObject(f"{OBJECT}_{number}", 0, 0, pin.SE3.Identity(), hull)
 
