@@ -17,6 +17,9 @@ STEP_HEIGHT = 0.012
 
 MIN_POINTS = 6
 
+THINNEST = 1e-4
+"""Spread across its thinnest direction below which a piece is left out [m]: a row of points, no solid."""
+
 
 def observed_hulls(cloud: Array, table_top: float) -> list[Array]:
     """Convex pieces ``(k, 3)`` [m] that contain every observed point and all that these may hide above the table.
@@ -62,10 +65,12 @@ def _height_steps(points: Array, across: Array) -> list[float]:
 
 
 def _closed(points: Array, table_top: float) -> Array | None:
-    """The hull's vertices of the points and their shadows on the table."""
+    """The hull's vertices of the points and their shadows on the table; ``None`` where they lie in one plane."""
     shadow = points.copy()
     shadow[:, 2] = table_top
     solid = np.concatenate([points, shadow])
+    if np.linalg.svd(solid - solid.mean(axis=0), compute_uv=False)[-1] < THINNEST:
+        return None
     try:
         return frozen(solid[ConvexHull(solid).vertices])
     except QhullError:

@@ -50,3 +50,9 @@ def test_a_lid_on_a_standing_body_leaves_room_around_it() -> None:
     around_the_lid = np.array([[0.0, s * 0.022, 0.165] for s in (-1, 1)])
     assert not _inside(hulls, around_the_lid, grow=1.0).any()
     assert _inside(hulls, np.array([[0.0, 0.0, 0.17], [0.02, 0.0, 0.05]])).all()
+
+
+def test_a_row_of_points_is_no_solid() -> None:
+    """Four points of one image column make no piece; the collision checker would refuse it."""
+    row = np.column_stack([np.full(30, 0.2), np.linspace(0.0, 0.05, 30), np.full(30, 0.04)])
+    assert observed_hulls(row, 0.0) == []

@@ -1,0 +1,5 @@
+"""``python -m tamp.cli`` is ``bipre``."""
+
+from tamp.cli import entry
+
+entry()
