@@ -38,6 +38,12 @@ GRASP_DEPTH = 0.030
 TABLE_GAP = 0.006
 """Room kept between the assistant's finger tips and the table [m]."""
 
+PALM_ROOM = 0.036
+"""How far a standing object may reach from the finger pads towards the palm, which is 45 mm behind them [m]."""
+
+STOOP = np.radians(30.0)
+"""Largest angle by which the hand points below the horizon when it grasps a standing object [rad]."""
+
 UPRIGHT = 0.8
 """The object counts as standing when the vertical part of its long axis exceeds this."""
 
@@ -171,8 +177,10 @@ class HeuristicProposer:
     ) -> PregraspCandidate | None:
         low, high = fixed.min(axis=0), fixed.max(axis=0)
         heading = rng.uniform(0.0, 2 * np.pi)
-        approach = np.array([np.cos(heading), np.sin(heading), 0.0])
-        opening_axis = np.array([-approach[1], approach[0], 0.0])
+        level = np.array([np.cos(heading), np.sin(heading), 0.0])
+        opening_axis = np.array([-level[1], level[0], 0.0])
+        stoop = rng.uniform(0.0, STOOP)
+        approach = np.cos(stoop) * level - np.sin(stoop) * np.array([0.0, 0.0, 1.0])
         spread = fixed @ opening_axis
         half = (spread.max() - spread.min()) / 2
         if half + FINGER_CLEARANCE > self.gripper.finger_travel:
@@ -182,7 +190,8 @@ class HeuristicProposer:
         height = float(np.clip(centre[2] + rng.normal(0.0, 0.015), table + 0.045, max(high[2] - 0.02, table + 0.046)))
         middle = (low + high) / 2
         side = opening_axis * ((spread.max() + spread.min()) / 2 - middle @ opening_axis)
-        tcp = np.array([middle[0], middle[1], height]) + side
+        back = max(0.0, float(np.ptp(fixed @ level)) / 2 - PALM_ROOM)
+        tcp = np.array([middle[0], middle[1], height]) + side - back * approach
         return self._hold(tcp, approach, opening_axis, score=1.0 - abs(height - centre[2]) + rng.uniform(0.0, 0.02))
 
     def _hold(self, tcp: Array, approach: Array, opening_axis: Array, score: float) -> PregraspCandidate:

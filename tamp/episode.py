@@ -122,7 +122,20 @@ class Watch(Protocol):
         """Something worth a line happened."""
 
 
-def plan_episode(request: Request, watch: Watch) -> Report:
+class Silent:
+    """A watch that shows nothing."""
+
+    def begin(self, phase: str) -> None:
+        """Ignore it."""
+
+    def note(self, text: str) -> None:
+        """Ignore it."""
+
+
+SILENT = Silent()
+
+
+def plan_episode(request: Request, watch: Watch = SILENT) -> Report:
     """Plan one episode, execute it unless told not to, and write its run folder.
 
     An interruption keeps the trace of what was tried until then, and the plan if there was one.
@@ -252,7 +265,7 @@ class _Episode:
         return report
 
 
-def run_again(folder: Path, *, video: bool, watch: Watch) -> Report:
+def run_again(folder: Path, *, video: bool = False, watch: Watch = SILENT) -> Report:
     """Execute a saved plan in a freshly built world.
 
     Raises:

@@ -32,7 +32,7 @@ class Budget:
     """
 
     goals: int = 2
-    grasps: int = 12
+    grasps: int = 24
     poses: int = 12
     finals: int = 8
     seconds: float = 60.0

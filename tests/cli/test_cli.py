@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -20,6 +21,9 @@ from tests.conftest import SHARED
 
 REPOSITORY = Path(__file__).parents[2]
 PARTNET = SHARED / "assets" / "objects" / "partnet_mobility"
+INTERRUPTIBLE = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+"""Undoes what a shell does to commands in the background: they ignore Ctrl-C."""
+
 NOISE = ("pybullet build time", "viser", "nanobind", "Traceback", "OMPL", "b3Warning", "RuntimeWarning")
 
 
@@ -132,16 +136,26 @@ def test_why_of_a_failure_names_stage_reason_and_numbers(tmp_path: Path) -> None
 
 
 def test_view_serves_until_interrupted(run_dir: Path) -> None:
-    command = [sys.executable, "-m", "tamp.cli", "view", str(run_dir), "--port", "18431", "--json"]
-    process = subprocess.Popen(
-        command, cwd=REPOSITORY, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    assert process.stderr is not None
-    said = process.stderr.readline()
-    time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
-    out, rest = process.communicate(timeout=30)
-    assert "viewing http://localhost:18431" in said
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    script = INTERRUPTIBLE + "import sys\nfrom tamp.cli import main\nsys.exit(main(sys.argv[1:]))"
+    with subprocess.Popen(
+        [sys.executable, "-c", script, "view", str(run_dir), "--port", str(port), "--json"],
+        cwd=REPOSITORY,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            assert process.stderr is not None
+            said = process.stderr.readline()
+            time.sleep(0.5)
+            process.send_signal(signal.SIGINT)
+            out, rest = process.communicate(timeout=30)
+        finally:
+            process.kill()
+    assert f"viewing http://localhost:{port}" in said
     assert "ssh -L" in said
     assert process.returncode == 0, rest
     assert json.loads(out)["served"] is True
@@ -149,8 +163,8 @@ def test_view_serves_until_interrupted(run_dir: Path) -> None:
 
 def test_ctrl_c_while_planning_is_130_and_keeps_the_trace(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    script = (
-        "import sys, os, signal\n"
+    script = INTERRUPTIBLE + (
+        "import sys, os\n"
         "from tamp.refine import Search\n"
         "def stop(*a): os.kill(os.getpid(), signal.SIGINT)\n"
         "Search._with_grasp = stop\n"

@@ -9,25 +9,15 @@ import pytest
 from tamp.episode import Report, Request, plan_episode
 
 
-class Silent:
-    """A watch that shows nothing."""
-
-    def begin(self, phase: str) -> None:
-        pass
-
-    def note(self, text: str) -> None:
-        pass
-
-
 @pytest.fixture(scope="session")
 def bottle(tmp_path_factory: pytest.TempPathFactory) -> tuple[Report, Path]:
     """An executed bottle: its report and run folder. Do not change the folder."""
     folder = tmp_path_factory.mktemp("runs") / "bottle"
-    return plan_episode(Request(category="Bottle", seed=1, out=folder), Silent()), folder
+    return plan_episode(Request(category="Bottle", seed=1, out=folder)), folder
 
 
 @pytest.fixture(scope="session")
 def dispenser(tmp_path_factory: pytest.TempPathFactory) -> tuple[Report, Path]:
     """A dispenser that is only planned. Do not change the folder."""
     folder = tmp_path_factory.mktemp("runs") / "dispenser"
-    return plan_episode(Request(category="Dispenser", seed=0, execute=False, out=folder), Silent()), folder
+    return plan_episode(Request(category="Dispenser", seed=0, execute=False, out=folder)), folder

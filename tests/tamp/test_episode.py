@@ -14,7 +14,6 @@ from tamp import plan as plan_file
 from tamp import trace as trace_file
 from tamp.episode import OUTCOME_FILE, Report, Request, plan_episode, run_again
 from tamp.refine import Search
-from tests.tamp.conftest import Silent
 from worlds import observe
 
 
@@ -49,16 +48,16 @@ def test_the_run_folder_is_complete_and_readable(bottle: tuple[Report, Path]) ->
 
 def test_the_same_seed_gives_the_same_bytes(bottle: tuple[Report, Path], tmp_path: Path) -> None:
     again = tmp_path / "again"
-    plan_episode(Request(category="Bottle", seed=1, execute=False, out=again), Silent())
+    plan_episode(Request(category="Bottle", seed=1, execute=False, out=again))
     assert (again / "plan.json").read_bytes() == (bottle[1] / "plan.json").read_bytes()
     other = tmp_path / "other"
-    plan_episode(Request(category="Bottle", seed=3, execute=False, out=other), Silent())
+    plan_episode(Request(category="Bottle", seed=3, execute=False, out=other))
     assert (other / "plan.json").read_bytes() != (bottle[1] / "plan.json").read_bytes()
 
 
 def test_a_saved_plan_runs_again_with_the_same_outcome(bottle: tuple[Report, Path]) -> None:
     report, folder = bottle
-    again = run_again(folder, video=False, watch=Silent())
+    again = run_again(folder)
     assert again.success
     assert again.verdict == report.verdict
 
@@ -68,7 +67,7 @@ def test_a_plan_for_an_object_that_has_changed_is_not_run(bottle: tuple[Report, 
     raw["asset"]["content_hash"] = "0" * 24
     (tmp_path / "plan.json").write_text(json.dumps(raw))
     with pytest.raises(BadRunFolder, match="has changed since the plan was made"):
-        run_again(tmp_path, video=False, watch=Silent())
+        run_again(tmp_path)
 
 
 def test_the_planner_starts_from_home_and_ends_holding(bottle: tuple[Report, Path], workcell: Workcell) -> None:
@@ -93,7 +92,7 @@ def test_an_interrupted_search_keeps_its_trace(tmp_path: Path, monkeypatch: pyte
 
     monkeypatch.setattr(Search, "_with_goal", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        plan_episode(Request(category="Bottle", seed=1, out=tmp_path / "run"), Silent())
+        plan_episode(Request(category="Bottle", seed=1, out=tmp_path / "run"))
     trace = trace_file.load(tmp_path / "run")
     assert trace.status == "interrupted"
     assert trace.skeletons
@@ -101,7 +100,7 @@ def test_an_interrupted_search_keeps_its_trace(tmp_path: Path, monkeypatch: pyte
 
 
 def test_a_search_out_of_time_says_so(tmp_path: Path) -> None:
-    report = plan_episode(Request(category="Bottle", seed=1, timeout=1e-6, out=tmp_path / "run"), Silent())
+    report = plan_episode(Request(category="Bottle", seed=1, timeout=1e-6, out=tmp_path / "run"))
     assert report.status == "no_plan"
     assert report.failure is not None
     assert report.failure.reason == "budget"
@@ -112,11 +111,11 @@ def test_a_search_out_of_time_says_so(tmp_path: Path) -> None:
 def test_a_folder_with_foreign_files_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("precious")
     with pytest.raises(BadRunFolder, match=r"holds files of something else \(thesis.tex\)"):
-        plan_episode(Request(category="Bottle", seed=1, out=tmp_path), Silent())
+        plan_episode(Request(category="Bottle", seed=1, out=tmp_path))
     assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]
 
 
 def test_an_unknown_proposer_writes_nothing(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="heuristic"):
-        plan_episode(Request(category="Bottle", proposer="psychic", out=tmp_path / "run"), Silent())
+        plan_episode(Request(category="Bottle", proposer="psychic", out=tmp_path / "run"))
     assert not (tmp_path / "run").exists()

@@ -14,7 +14,6 @@ from tamp.episode import Request, plan_episode
 from tamp.plan import load
 from tamp.refine import hands_clash
 from tamp.stages import Reject, StageChecker
-from tests.tamp.conftest import Silent
 
 ROLES = Roles(assistant="left", primary="right")
 
@@ -46,12 +45,12 @@ def search_with(
         return reject if asked[method] <= until else honest(self, *arguments)
 
     monkeypatch.setattr(StageChecker, method, answer)
-    plan_episode(Request(category="Bottle", seed=1, execute=False, out=folder), Silent())
+    plan_episode(Request(category="Bottle", seed=1, execute=False, out=folder))
     return trace_file.load(folder)
 
 
 def test_clashing_hands_send_the_search_to_the_next_grasp(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    honest = plan_episode(Request(category="Bottle", seed=1, execute=False, out=tmp_path / "honest"), Silent())
+    honest = plan_episode(Request(category="Bottle", seed=1, execute=False, out=tmp_path / "honest"))
     clash = Reject("collision", "hands", ("left/panda_hand", "right/panda_leftfinger"), 0.01)
     trace = search_with(monkeypatch, tmp_path / "run", "act", clash, until=8)
     planted = [r for r in trace.rejections if r.detail == "hands"]
@@ -84,7 +83,7 @@ def test_when_one_assignment_of_roles_fails_the_other_is_tried(monkeypatch: pyte
         return honest(self, roles, *arguments)
 
     monkeypatch.setattr(StageChecker, "hold", only_one_arm)
-    report = plan_episode(Request(category="Bottle", seed=1, execute=False, out=tmp_path / "run"), Silent())
+    report = plan_episode(Request(category="Bottle", seed=1, execute=False, out=tmp_path / "run"))
     assert report.status == "planned"
     trace = trace_file.load(tmp_path / "run")
     assert len(trace.skeletons) == 2
@@ -94,7 +93,7 @@ def test_when_one_assignment_of_roles_fails_the_other_is_tried(monkeypatch: pyte
 
 def test_without_any_way_the_failure_names_stage_and_reason(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(StageChecker, "expose", lambda *_: Reject("unreachable", "far by 30 mm", None, 0.03))
-    report = plan_episode(Request(category="Bottle", seed=1, out=tmp_path / "run"), Silent())
+    report = plan_episode(Request(category="Bottle", seed=1, out=tmp_path / "run"))
     assert report.status == "no_plan"
     assert report.failure is not None
     assert (report.failure.stage, report.failure.reason) == ("reorient", "unreachable")
