@@ -21,7 +21,7 @@ from tamp.plan import Grip, Motion, Plan, Stage
 from worlds import scene
 from worlds.assets import library
 from worlds.assets.asset import Asset
-from worlds.bullet.ghost import SEEN, GhostCell, Names, split_openings
+from worlds.bullet.ghost import GhostCell, Names, split_openings
 
 SAMPLE = 0.002
 """Longest time between checked states [s]."""
@@ -40,6 +40,12 @@ OVER = 1e-6
 
 FRAME = (1e-4, 1e-3)
 """How far the plan's object frames may be from the hand that carries them [m], [rad]."""
+
+CLEARANCE_EVERY = 25
+"""Every how many states the distances of bodies that do not touch are measured."""
+
+CLEARANCE_CAP = 0.20
+"""Distances beyond this are not told apart [m]."""
 
 Kind = Literal[
     "asset_changed", "structure", "roles", "start", "jump", "not_at_rest", "position_limit", "velocity_limit",
@@ -79,7 +85,8 @@ class Verification(Struct, frozen=True, kw_only=True):
     Attributes:
         ok: Nothing is wrong.
         violations: Everything that is.
-        min_clearance: Smallest distance between bodies that may not touch [m], at most 20 mm.
+        min_clearance: Smallest distance between bodies that may not touch [m], at most ``CLEARANCE_CAP``: measured at
+            every ``CLEARANCE_EVERY``-th state, and at every state in which bodies nearly touch.
         max_velocity_ratio: Largest joint velocity over its limit.
         max_acceleration_ratio: Largest joint acceleration over its limit.
         checked_states: Configurations checked for contact.
@@ -218,7 +225,7 @@ class _Check:
     plan: Plan
     asset: Asset
     violations: list[Violation] = field(default_factory=list)
-    min_clearance: float = SEEN
+    min_clearance: float = CLEARANCE_CAP
     velocity: float = 0.0
     acceleration: float = 0.0
     states: int = 0
@@ -383,6 +390,9 @@ class _Check:
             cell.place_object(self.T_body(cell))
 
     def _look(self, cell: GhostCell, t: float, seen: _Seen) -> None:
+        if self.states % CLEARANCE_EVERY == 0:
+            wide = [distance for pair, distance in cell.around(CLEARANCE_CAP).items() if pair not in seen.allowed]
+            self.min_clearance = min([self.min_clearance, *wide])
         self.states += 1
         for pair, distance in cell.near().items():
             if pair in seen.allowed or (distance >= self.min_clearance and distance >= -PENETRATION):
