@@ -45,8 +45,8 @@ def viewpoints(world: BulletWorld) -> tuple[Camera, Camera]:
     x, y, z = world.workcell.shared
     common = {"width": WIDTH, "height": HEIGHT, "target": (x, y, z - 0.12)}
     return (
-        Camera(name="front", eye=(x + 0.15, y - 1.25, z + 0.45), fov_deg=48.0, **common),  # type: ignore[arg-type]
-        Camera(name="side", eye=(x - 0.80, y + 0.75, z + 0.65), fov_deg=50.0, **common),  # type: ignore[arg-type]
+        Camera(name="front", eye=(x + 0.15, y - 1.25, z + 0.45), fov_deg=40.0, **common),  # type: ignore[arg-type]
+        Camera(name="side", eye=(x - 0.80, y + 0.75, z + 0.65), fov_deg=44.0, **common),  # type: ignore[arg-type]
     )
 
 
