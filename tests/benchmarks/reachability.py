@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -66,92 +67,73 @@ def reaches(arm: ArmKinematics, R: Array, tcp: Array, rng: np.random.Generator) 
 def shares(arms: DualArm, arrangement: Arrangement, samples: int, seed: int = 1) -> dict[str, dict[str, float]]:
     """Share reached of each task, by which side is primary."""
     _, _, middle, (edge, outward) = arrangement
-    return {
-        f"primary {primary}": {
-            name: float(
-                np.mean(
-                    [
-                        task(arms[primary], arms[other(primary)], np.asarray(middle), edge, outward, rng)
-                        for _ in range(samples)
-                    ]
-                )
-            )
-            for name, task in TASKS.items()
+    found: dict[str, dict[str, float]] = {}
+    for primary in SIDES:
+        rng = np.random.default_rng(seed)
+        cell = _Cell(arms[primary], arms[other(primary)], np.asarray(middle), edge, outward)
+        found[f"primary {primary}"] = {
+            name: float(np.mean([task(cell, rng) for _ in range(samples)])) for name, task in TASKS.items()
         }
-        for primary in SIDES
-        for rng in [np.random.default_rng(seed)]
-    }
+    return found
 
 
-def _down(
-    primary: ArmKinematics, assistant: ArmKinematics, middle: Array, edge: object, out: object, rng: np.random.Generator
-) -> bool:
+@dataclass(frozen=True)
+class _Cell:
+    """Who acts where: kinematics of both roles, the shared middle, a point of the near edge and its outward normal."""
+
+    primary: ArmKinematics
+    assistant: ArmKinematics
+    middle: Array
+    edge: tuple[float, float]
+    out: tuple[float, float]
+
+    def overhanging(self, rng: np.random.Generator) -> tuple[Array, Array]:
+        """A point of an object that reaches over the edge, and the outward direction."""
+        outward = np.array([*self.out, 0.0])
+        along = np.cross([0, 0, 1], outward) * rng.uniform(-0.12, 0.12)
+        return np.array([*self.edge, rng.uniform(0.0, 0.03)]) + along + outward * rng.uniform(0.0, 0.04), outward
+
+
+def _down(cell: _Cell, rng: np.random.Generator) -> bool:
     yaw = rng.uniform(0.0, np.pi)
-    spot = np.array([*(middle + rng.uniform(-0.12, 0.12, 2)), 0.03])
-    return reaches(assistant, hand_rotation([0, 0, -1], [np.cos(yaw), np.sin(yaw), 0]), spot, rng)
+    spot = np.array([*(cell.middle + rng.uniform(-0.12, 0.12, 2)), 0.03])
+    return reaches(cell.assistant, hand_rotation([0, 0, -1], [np.cos(yaw), np.sin(yaw), 0]), spot, rng)
 
 
-def _both(
-    primary: ArmKinematics, assistant: ArmKinematics, middle: Array, edge: object, out: object, rng: np.random.Generator
-) -> bool:
-    held = np.array([*(middle + rng.uniform(-0.05, 0.05, 2)), rng.uniform(0.25, 0.40)])
-    towards = primary.base - held
+def _both(cell: _Cell, rng: np.random.Generator) -> bool:
+    held = np.array([*(cell.middle + rng.uniform(-0.05, 0.05, 2)), rng.uniform(0.25, 0.40)])
+    towards = cell.primary.base - held
     facing = rotation_about([0, 0, 1], rng.uniform(-0.5, 0.5)) @ unit([towards[0], towards[1], 0.0])
     across = rng.choice([-1.0, 1.0]) * np.cross([0, 0, 1], facing)
     opening = rotation_about(facing, rng.uniform(0, 2 * np.pi)) @ perpendicular(facing)
-    return reaches(assistant, hand_rotation([0, 0, -1], across), held, rng) and reaches(
-        primary, hand_rotation(-facing, opening), held + 0.12 * facing, rng
+    return reaches(cell.assistant, hand_rotation([0, 0, -1], across), held, rng) and reaches(
+        cell.primary, hand_rotation(-facing, opening), held + 0.12 * facing, rng
     )
 
 
-def _edge_spot(edge: tuple[float, float], out: tuple[float, float], rng: np.random.Generator) -> tuple[Array, Array]:
-    outward = np.array([*out, 0.0])
-    along = np.cross([0, 0, 1], outward) * rng.uniform(-0.12, 0.12)
-    return np.array([*edge, rng.uniform(0.0, 0.03)]) + along + outward * rng.uniform(0.0, 0.04), outward
+def _edge(cell: _Cell, rng: np.random.Generator) -> bool:
+    spot, outward = cell.overhanging(rng)
+    return reaches(cell.primary, hand_rotation(-outward, [0, 0, 1]), spot, rng)
 
 
-def _edge(
-    primary: ArmKinematics,
-    assistant: ArmKinematics,
-    middle: Array,
-    edge: tuple[float, float],
-    out: tuple[float, float],
-    rng: np.random.Generator,
-) -> bool:
-    spot, outward = _edge_spot(edge, out, rng)
-    return reaches(primary, hand_rotation(-outward, [0, 0, 1]), spot, rng)
+def _under(cell: _Cell, rng: np.random.Generator) -> bool:
+    spot, outward = cell.overhanging(rng)
+    return reaches(cell.primary, hand_rotation([*(-outward[:2]), 1.0], [*outward[:2], 1.0]), spot, rng)
 
 
-def _under(
-    primary: ArmKinematics,
-    assistant: ArmKinematics,
-    middle: Array,
-    edge: tuple[float, float],
-    out: tuple[float, float],
-    rng: np.random.Generator,
-) -> bool:
-    spot, outward = _edge_spot(edge, out, rng)
-    return reaches(primary, hand_rotation([*(-outward[:2]), 1.0], [*outward[:2], 1.0]), spot, rng)
+def _push(cell: _Cell, rng: np.random.Generator) -> bool:
+    spot, outward = cell.overhanging(rng)
+    down = hand_rotation([0, 0, -1], np.cross([0, 0, 1], outward))
+    return reaches(cell.assistant, down, spot - outward * rng.uniform(0.09, 0.29), rng)
 
 
-def _push(
-    primary: ArmKinematics,
-    assistant: ArmKinematics,
-    middle: Array,
-    edge: tuple[float, float],
-    out: tuple[float, float],
-    rng: np.random.Generator,
-) -> bool:
-    spot, outward = _edge_spot(edge, out, rng)
-    return reaches(
-        assistant,
-        hand_rotation([0, 0, -1], np.cross([0, 0, 1], outward)),
-        spot - outward * rng.uniform(0.09, 0.29),
-        rng,
-    )
-
-
-TASKS: dict[str, Callable[..., bool]] = {"down": _down, "both": _both, "edge": _edge, "under": _under, "push": _push}
+TASKS: dict[str, Callable[[_Cell, np.random.Generator], bool]] = {
+    "down": _down,
+    "both": _both,
+    "edge": _edge,
+    "under": _under,
+    "push": _push,
+}
 
 
 def main() -> None:
