@@ -20,6 +20,9 @@ from worlds.camera import Image, unproject
 TABLE_BAND = 0.003
 """Points lower than this above the table top count as table [m]; depth noise and rounding stay below it."""
 
+OVERHANG = 0.12
+"""How far beyond the table's edges points still count as object [m]: it may reach over one."""
+
 OBSERVATION_FILE = "observation.npz"
 
 
@@ -48,7 +51,7 @@ class Observation:
 
 
 def observe(world: BulletWorld) -> Observation:
-    """The object as the cameras see it: every point above the table top that is not beyond its edges.
+    """The object as the cameras see it: every point above the table top, some way beyond its edges included.
 
     The arms wait outside the cameras' view of the table when an observation is taken, so what stands on the table is
     the object. No simulator label is used.
@@ -63,8 +66,8 @@ def observe(world: BulletWorld) -> Observation:
 def _above_table(workcell: Workcell, number: int, camera: Camera, image: Image) -> tuple[Array, Array, Any]:
     world_points = unproject(camera, image.depth)
     table = workcell.table
-    low = np.array([*(np.array(table.centre) - np.array(table.size) / 2), table.top + TABLE_BAND])
-    high = np.array([*(np.array(table.centre) + np.array(table.size) / 2), np.inf])
+    centre, half = np.array(table.centre), np.array(table.size) / 2 + OVERHANG
+    low, high = np.array([*(centre - half), table.top + TABLE_BAND]), np.array([*(centre + half), np.inf])
     with np.errstate(invalid="ignore"):
         keep = np.all((world_points > low) & (world_points < high), axis=-1)
     rows, columns = np.nonzero(keep)

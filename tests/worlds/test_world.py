@@ -123,3 +123,12 @@ def test_a_broken_observation_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "observation.npz").write_bytes(b"PK not a zip")
     with pytest.raises(BadRunFolder, match=r"observation.npz cannot be read as an observation"):
         observe.load(tmp_path)
+
+
+def test_what_reaches_over_the_edge_is_seen(workcell: Workcell) -> None:
+    """A bottle that lies with its foot over the near edge; cut off there, the planner would not know of the foot."""
+    with scene.build(workcell, library.load("synthetic", "Bottle", "bottle-045"), 123) as world:
+        low, _ = world.object_bounds()
+        edge = workcell.table.centre[1] - workcell.table.size[1] / 2
+        assert low[1] < edge - 0.005
+        assert observe.observe(world).cloud[:, 1].min() < low[1] + 0.008
