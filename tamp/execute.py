@@ -92,6 +92,7 @@ class _Run:
         self.T_grasp: pin.SE3 | None = None
         self.before = 0.0
         self.peak_moved, self.peak_force = 0.0, 0.0
+        self.guarded = False
 
     def all_stages(self) -> Outcome:
         for stage in self.plan.stages:
@@ -116,15 +117,29 @@ class _Run:
         curve = step.trajectory()
         times = np.arange(1, int(np.ceil(curve.duration / physics.STEP)) + 1) * physics.STEP
         positions, velocities, _ = curve.sample(times)
-        for q, qd in zip(positions, velocities, strict=True):
+        first = self._resumed_at(side, positions)
+        for q, qd in zip(positions[first:], velocities[first:], strict=True):
+            self.target[side] = q
             self.world.command_arm(side, q, qd)
             self._step()
-        self.target[side] = positions[-1]
-        self.world.command_arm(side, positions[-1], np.zeros(7))
+            if step.template == "press" and self.world.contact_force(side) > self.task.press_stop:
+                self.guarded = True
+                break
+        self.world.command_arm(side, self.target[side], np.zeros(7))
         for _ in range(int(SETTLE_LIMIT / physics.STEP)):
             if self._error(side) < TRACKING:
                 break
             self._step()
+
+    def _resumed_at(self, side: Side, positions: Array) -> int:
+        """Where on a motion to begin: at its start, or after a guarded stop where it passes the arm's place.
+
+        A press and its release follow one line, so the way back from a stop half way is the last part of the release.
+        """
+        if not self.guarded:
+            return 0
+        self.guarded = False
+        return int(np.abs(positions - self.target[side]).max(axis=1).argmin())
 
     def _grip(self, side: Side, step: Grip) -> None:
         self.world.command_fingers(side, step.opening, step.force)

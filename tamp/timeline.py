@@ -34,6 +34,9 @@ CONTACT_SPEED = 0.25
 OPERATE_SPEED = 0.15
 """The same while the part is moved: slow enough for friction to carry the load."""
 
+PRESS_SPEED = 0.06
+"""The same while a part is pressed: slow enough for a guarded stop when it reaches its end."""
+
 CLOSE_TIME = 1.1
 """Time given to the fingers to close [s]: 40 mm at 50 mm/s and time to build up force."""
 
@@ -176,7 +179,8 @@ class _Builder:
         ]
         if action.candidate.kind != "press":
             steps.append(self._close(self.by_both))
-        steps.append(self._timed("operate", side, action.template, action.operate, touch, self.by_both, OPERATE_SPEED))
+        speed = PRESS_SPEED if action.template == "press" else OPERATE_SPEED
+        steps.append(self._timed("operate", side, action.template, action.operate, touch, self.by_both, speed))
         return steps
 
     def release(self) -> list[Motion | Grip]:

@@ -119,3 +119,13 @@ def test_an_unknown_proposer_writes_nothing(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="heuristic"):
         plan_episode(Request(category="Bottle", proposer="psychic", out=tmp_path / "run"))
     assert not (tmp_path / "run").exists()
+
+
+def test_a_press_stops_when_the_part_is_at_its_end(tmp_path: Path) -> None:
+    """This lever has turned a little in the assistant's hand and ends before the planned motion does."""
+    request = Request(category="Dispenser", instance="dispenser-026", seed=108, out=tmp_path / "run")
+    report = plan_episode(request)
+    assert report.verdict is not None
+    assert report.verdict["moved"] > report.verdict["threshold"]
+    assert report.verdict["peak_force"] < 60.0
+    assert report.status == "success"
