@@ -51,6 +51,11 @@ class Series:
         return f"{self.category.lower()}-{index:03d}"
 
 
+def mixed(index: int, kinds: int) -> int:
+    """Which of some kinds instance ``index`` is, for a number of kinds that shares a factor with ``HELD_OUT``."""
+    return (index + index // HELD_OUT) % kinds
+
+
 def pastel(rng: np.random.Generator, *, dark: bool = False) -> tuple[float, float, float]:
     """Some colour, red green blue in 0..1: light and soft, or ``dark`` and strong."""
     saturation, value = (0.75, 0.55) if dark else (0.35, 0.9)
