@@ -28,14 +28,14 @@ class Arguments:
 
 def run(arguments: Arguments, output: Output) -> int:
     """List; 0 when at least one instance can be used, else 1."""
-    from worlds.tasks import TASKS, task_of
+    from worlds.tasks import task_of
 
-    categories = list(TASKS) if arguments.category is None else [task_of(arguments.category).category]
+    wanted = None if arguments.category is None else task_of(arguments.category).category
     from worlds.assets.asset import Asset
-    from worlds.assets.library import survey
+    from worlds.assets.library import categories, survey
 
     rows: list[dict[str, Any]] = []
-    for category in categories:
+    for category in categories(arguments.asset) if wanted is None else [wanted]:
         for found in survey(arguments.asset, category, arguments.split):
             usable = isinstance(found, Asset)
             rows.append({"category": category, "instance": found.instance, "usable": usable, **_facts(found)})

@@ -234,8 +234,8 @@ def test_importing_tamp_loads_no_simulator_viewer_or_network() -> None:
     ("words", "message"),
     [
         (("paln", "Bottle"), 'No verb "paln". Did you mean "plan"? Verbs: ' + ", ".join(NAMES) + "."),
-        (("plan", "Botle"), 'No category "Botle". Did you mean "Bottle"? Valid: Bottle, Dispenser.'),
-        (("plan", "bottle"), 'No category "bottle". Did you mean "Bottle"? Valid: Bottle, Dispenser.'),
+        (("plan", "Botle"), 'No category "Botle". Did you mean "Bottle"? Valid: Bottle, Dispenser, '),
+        (("plan", "bottle"), 'No category "bottle". Did you mean "Bottle"? Valid: Bottle, Dispenser, '),
         (("plan", "Bottle", "--proposer", "heuristc"), 'No proposer "heuristc". Did you mean "heuristic"?'),
         (("plan", "Bottle", "--workcell", "panda_pear"), 'No workcell "panda_pear". Did you mean "panda_pair"?'),
         (("plan", "Bottle", "--instance", "bottle-0"), 'No Bottle instance "bottle-0". Did you mean'),

@@ -60,6 +60,15 @@ def parse_source(source: str) -> Source:
     return Source(source, root)
 
 
+def categories(source: str) -> list[str]:
+    """Categories that a source may have.
+
+    Raises:
+        BadInput: The source cannot be used.
+    """
+    return list(_SERIES) if parse_source(source).root is None else list(partnet.CATEGORIES)
+
+
 def names(source: str, category: str, split: Split | None = None) -> list[str]:
     """Sorted instance names of one category, without building any; of one split when given.
 
@@ -68,7 +77,7 @@ def names(source: str, category: str, split: Split | None = None) -> list[str]:
         BadInput: The source cannot be used.
     """
     where = parse_source(source)
-    _check_category(category)
+    _check_category(where, category)
     if where.root is None:
         return _SERIES[category].names(split)
     return partnet.names(where.root, category, split)
@@ -82,7 +91,7 @@ def load(source: str, category: str, instance: str) -> Asset:
         BadAsset: The model cannot be used, with the reason.
     """
     where = parse_source(source)
-    _check_category(category)
+    _check_category(where, category)
     if where.root is None:
         return _MAKERS[category](instance)
     return partnet.make(where.root, where.text, category, instance)
@@ -118,6 +127,9 @@ def _attempt(source: str, category: str, instance: str) -> Asset | Rejected:
         return Rejected(source, category, instance, refusal.reason)
 
 
-def _check_category(category: str) -> None:
+def _check_category(where: Source, category: str) -> None:
     if category not in _SERIES:
         raise UnknownName("category", category, _SERIES)
+    if where.root is not None and category not in partnet.CATEGORIES:
+        read = ", ".join(partnet.CATEGORIES)
+        raise BadInput(f"{category} is not read from {where.text}, only {read} are; leave out --asset for {category}.")

@@ -23,6 +23,9 @@ from worlds.assets.solids import merged, moved
 TYPICAL_HEIGHT = {"Bottle": 0.22, "Dispenser": 0.19}
 """Height of an everyday instance [m]: drink bottles are 0.20 to 0.24, soap dispensers 0.18 to 0.20."""
 
+CATEGORIES = tuple(TYPICAL_HEIGHT)
+"""Categories that are read."""
+
 WIDEST_GRIP = 0.070
 """The narrower horizontal extent may be no larger [m]: the hand opens 80 mm."""
 
