@@ -36,6 +36,7 @@ class Task(Struct, frozen=True, kw_only=True):
 TASKS: dict[str, Task] = {
     "Bottle": Task(category="Bottle", type="articulated", instruction="open the lid of the bottle"),
     "Dispenser": Task(category="Dispenser", type="articulated", instruction="press the pump of the dispenser"),
+    "Lighter": Task(category="Lighter", type="articulated", instruction="press the button of the lighter"),
     "Pen-Button": Task(category="Pen-Button", type="articulated", instruction="press the button of the pen"),
     "Pen-Cap": Task(category="Pen-Cap", type="articulated", instruction="pull the cap off the pen"),
     "USB": Task(category="USB", type="articulated", instruction="pull the cap off the USB stick"),

@@ -11,16 +11,20 @@ import numpy as np
 from robots.errors import BadAsset, BadInput, UnknownName
 from worlds.assets import partnet
 from worlds.assets.asset import Asset, Rejected, Split
-from worlds.assets.synthetic import bottle, dispenser, pen, usb
+from worlds.assets.synthetic import bottle, dispenser, lighter, pen, usb
 
 FORMS = "synthetic, partnet:DIR (DIR holds one folder per category, for example DIR/Bottle)"
 """The valid sources, for messages."""
 
-_SERIES = {series.category: series for series in (bottle.SERIES, dispenser.SERIES, pen.BUTTON, pen.CAP, usb.SERIES)}
+_SERIES = {
+    series.category: series
+    for series in (bottle.SERIES, dispenser.SERIES, lighter.SERIES, pen.BUTTON, pen.CAP, usb.SERIES)
+}
 
 _MAKERS: dict[str, Callable[[str], Asset]] = {
     "Bottle": bottle.make,
     "Dispenser": dispenser.make,
+    "Lighter": lighter.make,
     "Pen-Button": pen.make_button,
     "Pen-Cap": pen.make_cap,
     "USB": usb.make,
