@@ -35,7 +35,7 @@ SHOULDER_GAP = 0.002
 GRASP_DEPTH = 0.030
 """The assistant's fingers reach at most this far below the top of what they grasp [m]."""
 
-TABLE_GAP = 0.006
+TABLE_GAP = 0.004
 """Room kept between the assistant's finger tips and the table [m]."""
 
 PALM_ROOM = 0.036

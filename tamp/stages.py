@@ -30,6 +30,9 @@ RETREAT = 0.10
 STANDOFF = 0.008
 """Gap between finger tips and part where a press begins [m]; covers the error of the predicted pose."""
 
+PAD_HALF_WIDTH, PAD_LENGTH = 0.011, 0.03
+"""Half the width of a finger pad, and how far the pads reach back from the tool centre point [m]."""
+
 SOLUTIONS = 4
 """Joint solutions tried for one hand pose."""
 
@@ -193,13 +196,17 @@ class StageChecker:
         return JointPath(back.points[::-1].copy())
 
     def closed_opening(self, T_hand_object: pin.SE3, widest: float) -> float:
-        """Half the observed width between the pads, in the hand frame [m]."""
+        """Half the width that the closed fingers will find, in the hand frame [m].
+
+        It is that of the observed points between the pads; where the camera saw none there, that of what it saw above
+        or beside them, which hides the rest.
+        """
         gripper = self.workcell.arm("left").gripper
         seen = points(T_hand_object, self.cloud)
-        between = (np.abs(seen[:, 0]) < 0.011) & (seen[:, 2] > gripper.tcp_offset - 0.03)
-        if not between.any():
-            return 0.5 * widest
-        return float(np.clip(np.abs(seen[between, 1]).max(), 0.0, widest))
+        within = np.abs(seen[:, 0]) < PAD_HALF_WIDTH
+        between = within & (seen[:, 2] > gripper.tcp_offset - PAD_LENGTH)
+        chosen = next((mask for mask in (between, within) if mask.any()), np.ones(len(seen), dtype=bool))
+        return float(np.clip(np.abs(seen[chosen, 1]).max(), 0.0, widest))
 
     # -- reorient --------------------------------------------------------------------------------------------------
 

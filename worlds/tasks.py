@@ -39,6 +39,7 @@ TASKS: dict[str, Task] = {
     "Lighter": Task(category="Lighter", type="articulated", instruction="press the button of the lighter"),
     "Pen-Button": Task(category="Pen-Button", type="articulated", instruction="press the button of the pen"),
     "Pen-Cap": Task(category="Pen-Cap", type="articulated", instruction="pull the cap off the pen"),
+    "Stapler": Task(category="Stapler", type="articulated", instruction="press the stapler shut"),
     "USB": Task(category="USB", type="articulated", instruction="pull the cap off the USB stick"),
 }
 

@@ -26,7 +26,7 @@ class Arguments:
     """Arguments of ``bipre plan``."""
 
     category: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="CATEGORY")]
-    """Bottle, Dispenser, Lighter, Pen-Button, Pen-Cap or USB."""
+    """Bottle, Dispenser, Lighter, Pen-Button, Pen-Cap, Stapler or USB."""
     asset: str = "synthetic"
     """Where the object comes from: synthetic, or partnet:DIR with a PartNet-Mobility folder."""
     instance: str | None = None

@@ -18,6 +18,7 @@ import pytest
 
 from tamp.cli.verbs import NAMES
 from tests.conftest import SHARED
+from worlds.tasks import TASKS
 
 REPOSITORY = Path(__file__).parents[2]
 PARTNET = SHARED / "assets" / "objects" / "partnet_mobility"
@@ -205,6 +206,12 @@ def test_every_verb_has_help_on_its_arguments(verb: str) -> None:
     assert f"usage: bipre {verb}" in done.stderr
     assert "--json" in done.stderr
     assert done.stdout == ""
+
+
+def test_help_names_every_category() -> None:
+    said = bipre("plan", "--help").stderr
+    for category in TASKS:
+        assert category in said
 
 
 def test_the_overview_lists_every_verb_and_loads_nothing_heavy() -> None:

@@ -49,6 +49,8 @@ class FunctionalPart:
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", frozen(self.axis))
         object.__setattr__(self, "point", frozen(self.point))
+        for name in ("sense", "start", "travel", "threshold", "lever"):  # plain floats, which files can hold
+            object.__setattr__(self, name, float(getattr(self, name)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,14 +11,14 @@ import numpy as np
 from robots.errors import BadAsset, BadInput, UnknownName
 from worlds.assets import partnet
 from worlds.assets.asset import Asset, Rejected, Split
-from worlds.assets.synthetic import bottle, dispenser, lighter, pen, usb
+from worlds.assets.synthetic import bottle, dispenser, lighter, pen, stapler, usb
 
 FORMS = "synthetic, partnet:DIR (DIR holds one folder per category, for example DIR/Bottle)"
 """The valid sources, for messages."""
 
 _SERIES = {
     series.category: series
-    for series in (bottle.SERIES, dispenser.SERIES, lighter.SERIES, pen.BUTTON, pen.CAP, usb.SERIES)
+    for series in (bottle.SERIES, dispenser.SERIES, lighter.SERIES, pen.BUTTON, pen.CAP, stapler.SERIES, usb.SERIES)
 }
 
 _MAKERS: dict[str, Callable[[str], Asset]] = {
@@ -27,6 +27,7 @@ _MAKERS: dict[str, Callable[[str], Asset]] = {
     "Lighter": lighter.make,
     "Pen-Button": pen.make_button,
     "Pen-Cap": pen.make_cap,
+    "Stapler": stapler.make,
     "USB": usb.make,
 }
 
