@@ -11,7 +11,7 @@ import pinocchio as pin
 from robots.spatial import Array, frozen, points
 from robots.workcell import Side, Workcell
 
-OperationKind = Literal["pull", "unscrew", "press"]
+OperationKind = Literal["pull", "unscrew", "press", "flip"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -109,7 +109,7 @@ class AssetReference(Saved, frozen=True, kw_only=True):
 class Operation(Saved, frozen=True, kw_only=True):
     """What the primary arm does to the object, as the proposer saw it."""
 
-    kind: Literal["pull", "unscrew", "press"]
+    kind: Literal["pull", "unscrew", "press", "flip"]
     amount: float
     """Commanded motion: along the line [m], or about the axis [rad]."""
 

@@ -30,7 +30,7 @@ def run(arguments: Arguments, output: Output) -> int:
     """List; 0 when at least one instance can be used, else 1."""
     from worlds.tasks import task_of
 
-    wanted = None if arguments.category is None else task_of(arguments.category).category
+    wanted = None if arguments.category is None else task_of(arguments.category).objects
     from worlds.assets.asset import Asset
     from worlds.assets.library import categories, survey
 
@@ -59,11 +59,11 @@ def _facts(found: Any) -> dict[str, Any]:
     if not isinstance(found, Asset):
         return {"reason": found.reason}
     return {
-        "kind": found.part.kind,
+        "kind": "-" if found.function is None else found.function.kind,
         "topology": found.topology,
         "split": found.split,
         "mass": round(found.mass, 4),
-        "travel": round(found.part.travel, 5),
+        "travel": None if found.function is None else round(found.function.travel, 5),
         "notes": list(found.notes),
         "content_hash": found.content_hash,
     }

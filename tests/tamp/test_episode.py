@@ -14,6 +14,7 @@ from tamp import plan as plan_file
 from tamp import trace as trace_file
 from tamp.episode import OUTCOME_FILE, Report, Request, plan_episode, run_again
 from tamp.refine import Search
+from tamp.verify import verify
 from worlds import observe
 
 
@@ -129,3 +130,10 @@ def test_a_press_stops_when_the_part_is_at_its_end(tmp_path: Path) -> None:
     assert report.verdict["moved"] > report.verdict["threshold"]
     assert report.verdict["peak_force"] < 60.0
     assert report.status == "success"
+
+
+@pytest.mark.parametrize("category", ["Lighter", "Pen-Button", "Pen-Cap", "Stapler", "USB"])
+def test_the_other_columns_run_end_to_end_too(category: str, tmp_path: Path) -> None:
+    report = plan_episode(Request(category=category, seed=0, out=tmp_path / "run"))
+    assert report.status == "success", report.failure
+    assert verify(plan_file.load(tmp_path / "run")).violations == []

@@ -8,7 +8,7 @@ from typing import Literal
 
 from robots.spatial import Array, frozen
 
-PartKind = Literal["pull", "unscrew", "press"]
+PartKind = Literal["pull", "unscrew", "press", "flip"]
 """How the functional part is operated."""
 
 Split = Literal["seen", "unseen"]
@@ -20,19 +20,22 @@ class FunctionalPart:
 
     Attributes:
         kind: ``pull`` - slides outwards; ``unscrew`` - turns counter-clockwise seen from outside;
-            ``press`` - moves inwards.
+            ``press`` - moves inwards; ``flip`` - is gripped and turned open about a hinge.
         link: URDF link of the part.
         joint: URDF joint whose travel counts.
         axis: Unit vector ``(3,)``. pull, press: the direction in which operating moves the part where it is
-            touched; unscrew: the turning axis, pointing out of the body (right-hand turn opens).
+            touched; unscrew: the turning axis, pointing out of the body (right-hand turn opens); flip: the hinge
+            line's direction (right-hand turn opens).
         point: A point ``(3,)`` [m]. pull, unscrew: on the part's centre line; press: where to press, on the part's
-            outer surface.
+            outer surface; flip: the middle of the hinge line.
         sense: +1.0 when operating increases the joint position, else -1.0.
         start: Joint position of the closed state [m] or [rad].
         travel: Motion available from the closed state in the operating sense [m] or [rad].
         threshold: Motion in the operating sense that counts as operated [m] or [rad].
         lever: Distance of ``point`` from the hinge line [m] when ``joint`` is revolute and ``kind`` is press,
             else 0.0. The linear motion at ``point`` is ``lever * angle``.
+        facing: Unit vector ``(3,)`` from the closed part towards free space, along which it is approached; needed for
+            flip, else it follows from the axis.
     """
 
     kind: PartKind
@@ -45,12 +48,24 @@ class FunctionalPart:
     travel: float
     threshold: float
     lever: float = 0.0
+    facing: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", frozen(self.axis))
         object.__setattr__(self, "point", frozen(self.point))
+        if self.facing is not None:
+            object.__setattr__(self, "facing", frozen(self.facing))
+        elif self.kind == "flip":
+            raise ValueError(f"{self.link} flips open: say which way it faces when closed")
         for name in ("sense", "start", "travel", "threshold", "lever"):  # plain floats, which files can hold
             object.__setattr__(self, name, float(getattr(self, name)))
+
+    @property
+    def outward(self) -> Array:
+        """Unit vector ``(3,)`` from the part towards free space."""
+        if self.facing is not None:
+            return self.facing
+        return frozen(-self.axis) if self.kind == "press" else self.axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +93,10 @@ class Asset:
         split: ``seen`` or ``unseen``.
         urdf: A metric, self-contained URDF: z-up in its own frame, root link ``body`` (the fixed body), every link
             with mass and inertia, convex collision shapes, absolute mesh file names. Lives in the cache.
-        part: What to operate.
+        function: What to operate; ``None`` for an object that is only pushed, pressed or handed over.
         joints: Every movable joint of the URDF by name.
-        long_axis: Unit vector ``(3,)`` in the body frame along the object's long axis, towards the functional end.
+        long_axis: Unit vector ``(3,)`` in the body frame along the object's long axis, towards the functional end if
+            there is one.
         mass: Total mass [kg].
         content_hash: Digest of everything above that shapes the physics, and of the mesh files.
         notes: What the importer had to supply or repair, one clause each.
@@ -92,7 +108,7 @@ class Asset:
     topology: str
     split: Split
     urdf: Path
-    part: FunctionalPart
+    function: FunctionalPart | None
     joints: dict[str, JointPhysics]
     long_axis: Array
     mass: float
@@ -101,6 +117,13 @@ class Asset:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "long_axis", frozen(self.long_axis))
+
+    @property
+    def part(self) -> FunctionalPart:
+        """What to operate; ``ValueError`` when the object has no functional part."""
+        if self.function is None:
+            raise ValueError(f"{self.category} {self.instance} has no functional part")
+        return self.function
 
 
 @dataclass(frozen=True, slots=True)

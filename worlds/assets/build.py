@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -97,7 +97,7 @@ class Design:
     split: Split
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
-    part: FunctionalPart
+    part: FunctionalPart | None
     long_axis: Array
     notes: tuple[str, ...] = ()
 
@@ -120,7 +120,7 @@ def realise(design: Design) -> Asset:
         topology=design.topology,
         split=design.split,
         urdf=urdf,
-        part=design.part,
+        function=design.part,
         joints={joint.name: joint.physics for joint in design.joints},
         long_axis=design.long_axis,
         mass=sum(properties.mass for properties in masses.values()),
@@ -163,15 +163,16 @@ def _obj(mesh: Mesh) -> str:
 def _physics_text(design: Design) -> str:
     """The numbers that act in simulation but do not stand in the URDF."""
     part = design.part
-    return json.dumps(
-        {
-            "joints": {joint.name: [joint.physics.start, joint.physics.friction] for joint in design.joints},
-            "long_axis": _vector(design.long_axis),
-            "part": [part.kind, part.link, part.joint, _vector(part.axis), _vector(part.point)],
-            "motion": [part.sense, part.start, part.travel, part.threshold, part.lever],
-        },
-        sort_keys=True,
-    )
+    numbers: dict[str, Any] = {
+        "joints": {joint.name: [joint.physics.start, joint.physics.friction] for joint in design.joints},
+        "long_axis": _vector(design.long_axis),
+    }
+    if part is not None:
+        numbers["part"] = [part.kind, part.link, part.joint, _vector(part.axis), _vector(part.point)]
+        numbers["motion"] = [part.sense, part.start, part.travel, part.threshold, part.lever]
+    if part is not None and part.facing is not None:
+        numbers["facing"] = _vector(part.facing)
+    return json.dumps(numbers, sort_keys=True)
 
 
 def _urdf(design: Design, masses: dict[str, MassProperties], prefix: str) -> str:

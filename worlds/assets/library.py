@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,25 +10,10 @@ import numpy as np
 from robots.errors import BadAsset, BadInput, UnknownName
 from worlds.assets import partnet
 from worlds.assets.asset import Asset, Rejected, Split
-from worlds.assets.synthetic import bottle, dispenser, lighter, pen, stapler, usb
+from worlds.assets.synthetic.families import FAMILIES
 
 FORMS = "synthetic, partnet:DIR (DIR holds one folder per category, for example DIR/Bottle)"
 """The valid sources, for messages."""
-
-_SERIES = {
-    series.category: series
-    for series in (bottle.SERIES, dispenser.SERIES, lighter.SERIES, pen.BUTTON, pen.CAP, stapler.SERIES, usb.SERIES)
-}
-
-_MAKERS: dict[str, Callable[[str], Asset]] = {
-    "Bottle": bottle.make,
-    "Dispenser": dispenser.make,
-    "Lighter": lighter.make,
-    "Pen-Button": pen.make_button,
-    "Pen-Cap": pen.make_cap,
-    "Stapler": stapler.make,
-    "USB": usb.make,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +55,7 @@ def categories(source: str) -> list[str]:
     Raises:
         BadInput: The source cannot be used.
     """
-    return list(_SERIES) if parse_source(source).root is None else list(partnet.CATEGORIES)
+    return list(FAMILIES) if parse_source(source).root is None else list(partnet.CATEGORIES)
 
 
 def names(source: str, category: str, split: Split | None = None) -> list[str]:
@@ -84,7 +68,7 @@ def names(source: str, category: str, split: Split | None = None) -> list[str]:
     where = parse_source(source)
     _check_category(where, category)
     if where.root is None:
-        return _SERIES[category].names(split)
+        return FAMILIES[category].series.names(split)
     return partnet.names(where.root, category, split)
 
 
@@ -98,7 +82,7 @@ def load(source: str, category: str, instance: str) -> Asset:
     where = parse_source(source)
     _check_category(where, category)
     if where.root is None:
-        return _MAKERS[category](instance)
+        return FAMILIES[category].make(instance)
     return partnet.make(where.root, where.text, category, instance)
 
 
@@ -133,8 +117,8 @@ def _attempt(source: str, category: str, instance: str) -> Asset | Rejected:
 
 
 def _check_category(where: Source, category: str) -> None:
-    if category not in _SERIES:
-        raise UnknownName("category", category, _SERIES)
+    if category not in FAMILIES:
+        raise UnknownName("category", category, FAMILIES)
     if where.root is not None and category not in partnet.CATEGORIES:
         read = ", ".join(partnet.CATEGORIES)
         raise BadInput(f"{category} is not read from {where.text}, only {read} are; leave out --asset for {category}.")
