@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from worlds.assets.asset import Asset
-from worlds.assets.synthetic import bottle, dispenser, lighter, pen, stapler, usb
+from worlds.assets.synthetic import bottle, bowl, cap, dispenser, keyboard, lighter, pen, stapler, usb
 from worlds.assets.synthetic.series import Series
 
 
@@ -22,7 +22,10 @@ FAMILIES: dict[str, Family] = {
     family.series.category: family
     for family in (
         Family(bottle.SERIES, bottle.make),
+        Family(bowl.SERIES, bowl.make),
+        Family(cap.SERIES, cap.make),
         Family(dispenser.SERIES, dispenser.make),
+        Family(keyboard.SERIES, keyboard.make),
         Family(lighter.SERIES, lighter.make),
         Family(pen.BUTTON, pen.make_button),
         Family(pen.CAP, pen.make_cap),
