@@ -6,7 +6,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from worlds.assets.asset import Asset
-from worlds.assets.synthetic import bottle, bowl, cap, dispenser, keyboard, lighter, pen, stapler, usb
+from worlds.assets.synthetic import (
+    bottle,
+    bowl,
+    cap,
+    dispenser,
+    keyboard,
+    laptop,
+    lighter,
+    pen,
+    phone,
+    remote,
+    stapler,
+    usb,
+)
 from worlds.assets.synthetic.series import Series
 
 
@@ -26,9 +39,12 @@ FAMILIES: dict[str, Family] = {
         Family(cap.SERIES, cap.make),
         Family(dispenser.SERIES, dispenser.make),
         Family(keyboard.SERIES, keyboard.make),
+        Family(laptop.SERIES, laptop.make),
         Family(lighter.SERIES, lighter.make),
         Family(pen.BUTTON, pen.make_button),
         Family(pen.CAP, pen.make_cap),
+        Family(phone.SERIES, phone.make),
+        Family(remote.SERIES, remote.make),
         Family(stapler.SERIES, stapler.make),
         Family(usb.SERIES, usb.make),
     )
