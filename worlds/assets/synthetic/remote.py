@@ -87,6 +87,8 @@ def _widths(kind: str, rng: np.random.Generator) -> Array:
 
 def _lifts(kind: str, rng: np.random.Generator, length: float) -> Array:
     """Height of the underside at each station [m]: a bowed one stands on its ends, or rocks on its middle."""
+    if kind == "waisted":
+        return np.array([0.002, 0.0, 0.001, 0.002, 0.001, 0.0, 0.002])
     if kind != "bowed":
         return np.zeros(7)
     bow = rng.uniform(0.020, 0.045) * length * (1.0 if rng.random() < 0.7 else -1.0)

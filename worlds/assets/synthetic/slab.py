@@ -76,11 +76,10 @@ def shell(levels: tuple[tuple[Ring, Ring], ...], segments: int = SEGMENTS) -> tu
 
 
 def _at(ring: Ring, angles: Array) -> Array:
-    """Points ``(n, 3)`` of ``ring`` in the directions ``angles`` [rad]."""
+    """Points ``(n, 3)`` of ``ring`` that ``angles`` [rad] would give on the unit circle, stretched to the ring."""
     x, y = np.cos(angles), np.sin(angles)
-    n = ring.exponent
-    reach = (np.abs(x / ring.x) ** n + np.abs(y / ring.y) ** n) ** (-1.0 / n)
-    return np.column_stack([reach * x, reach * y, np.full(len(angles), ring.z)])
+    reach = (np.abs(x) ** ring.exponent + np.abs(y) ** ring.exponent) ** (-1.0 / ring.exponent)
+    return np.column_stack([reach * ring.x * x, reach * ring.y * y, np.full(len(angles), ring.z)])
 
 
 def wall(
