@@ -17,8 +17,11 @@ from worlds.assets.synthetic import (
     pen,
     phone,
     remote,
+    scissors,
     stapler,
+    switch,
     usb,
+    window,
 )
 from worlds.assets.synthetic.series import Series
 
@@ -45,8 +48,11 @@ FAMILIES: dict[str, Family] = {
         Family(pen.CAP, pen.make_cap),
         Family(phone.SERIES, phone.make),
         Family(remote.SERIES, remote.make),
+        Family(scissors.SERIES, scissors.make),
         Family(stapler.SERIES, stapler.make),
+        Family(switch.SERIES, switch.make),
         Family(usb.SERIES, usb.make),
+        Family(window.SERIES, window.make),
     )
 }
 """By object category."""
