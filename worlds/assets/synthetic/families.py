@@ -6,7 +6,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from worlds.assets.asset import Asset
-from worlds.assets.synthetic import bottle, dispenser, lighter, pen, stapler, usb
+from worlds.assets.synthetic import (
+    bottle,
+    bowl,
+    cap,
+    dispenser,
+    keyboard,
+    laptop,
+    lighter,
+    pen,
+    phone,
+    remote,
+    scissors,
+    stapler,
+    switch,
+    usb,
+    window,
+)
 from worlds.assets.synthetic.series import Series
 
 
@@ -22,12 +38,21 @@ FAMILIES: dict[str, Family] = {
     family.series.category: family
     for family in (
         Family(bottle.SERIES, bottle.make),
+        Family(bowl.SERIES, bowl.make),
+        Family(cap.SERIES, cap.make),
         Family(dispenser.SERIES, dispenser.make),
+        Family(keyboard.SERIES, keyboard.make),
+        Family(laptop.SERIES, laptop.make),
         Family(lighter.SERIES, lighter.make),
         Family(pen.BUTTON, pen.make_button),
         Family(pen.CAP, pen.make_cap),
+        Family(phone.SERIES, phone.make),
+        Family(remote.SERIES, remote.make),
+        Family(scissors.SERIES, scissors.make),
         Family(stapler.SERIES, stapler.make),
+        Family(switch.SERIES, switch.make),
         Family(usb.SERIES, usb.make),
+        Family(window.SERIES, window.make),
     )
 }
 """By object category."""
