@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from worlds.assets.asset import Asset
-from worlds.assets.synthetic import bottle, dispenser, lighter, pen, pliers, stapler, usb
+from worlds.assets.synthetic import bottle, dispenser, lighter, pen, plate, pliers, stapler, usb
 from worlds.assets.synthetic.series import Series
 
 
@@ -26,6 +26,7 @@ FAMILIES: dict[str, Family] = {
         Family(lighter.SERIES, lighter.make),
         Family(pen.BUTTON, pen.make_button),
         Family(pen.CAP, pen.make_cap),
+        Family(plate.SERIES, plate.make),
         Family(pliers.SERIES, pliers.make),
         Family(stapler.SERIES, stapler.make),
         Family(usb.SERIES, usb.make),

@@ -44,10 +44,10 @@ class _Kind:
 
 
 KINDS = {
-    "combination": _Kind((0.160, 0.200), (0.24, 0.28), (0.011, 0.013), (0.007, 0.009), (0.0, 0.0), (0.008, 0.012)),
-    "needle-nose": _Kind((0.140, 0.190), (0.34, 0.40), (0.009, 0.011), (0.002, 0.003), (0.0, 0.0), (0.008, 0.012)),
-    "cutting": _Kind((0.125, 0.180), (0.18, 0.22), (0.011, 0.014), (0.004, 0.005), (0.0, 0.0), (0.007, 0.011)),
-    "water-pump": _Kind((0.175, 0.200), (0.24, 0.27), (0.010, 0.012), (0.008, 0.010), (0.45, 0.70), (0.005, 0.007)),
+    "combination": _Kind((0.160, 0.200), (0.24, 0.28), (0.011, 0.013), (0.007, 0.009), (0.0, 0.0), (0.010, 0.015)),
+    "needle-nose": _Kind((0.140, 0.190), (0.34, 0.40), (0.009, 0.011), (0.002, 0.003), (0.0, 0.0), (0.010, 0.015)),
+    "cutting": _Kind((0.125, 0.180), (0.18, 0.22), (0.011, 0.014), (0.004, 0.005), (0.0, 0.0), (0.009, 0.013)),
+    "water-pump": _Kind((0.175, 0.200), (0.24, 0.27), (0.010, 0.012), (0.008, 0.010), (0.45, 0.70), (0.006, 0.009)),
 }
 """Combination, needle-nose and diagonal cutting pliers are sold from 125 to 200 mm, water-pump pliers from 180 mm."""
 
@@ -58,7 +58,7 @@ WEIGHT = (3800.0, 4800.0)
 """Mass over volume [kg/m^3]: a steel core (7850) in plastic grips (1100). Catalogues have 90 g for 125 mm cutters,
 185 g for 160 mm and 240 g for 180 mm combination pliers."""
 
-OPENING = (np.radians(16.0), np.radians(24.0))
+OPENING = (np.radians(18.0), np.radians(25.0))
 """Angle between the halves when the spring has opened them [rad]."""
 
 SHUT = np.radians(3.0)
@@ -236,4 +236,4 @@ def _strap(neck: Mesh, jaw: Mesh, thick: float) -> Mesh:
     foot = neck.vertices[np.argsort(neck.vertices[:, 2])[:8]]
     root = jaw.vertices[np.argsort(-jaw.vertices[:, 2])[:8]]
     bar = np.concatenate([foot, root]) * np.array([1.0, 0.0, 1.0])
-    return hull(np.concatenate([bar + [0.0, side * 0.48 * thick, 0.0] for side in (-1.0, 1.0)]))
+    return hull(np.concatenate([bar + np.array([0.0, side * 0.48 * thick, 0.0]) for side in (-1.0, 1.0)]))
