@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from worlds.assets.asset import Asset
+<<<<<<< HEAD
 from worlds.assets.synthetic import (
     bottle,
     bowl,
@@ -16,6 +17,8 @@ from worlds.assets.synthetic import (
     lighter,
     pen,
     phone,
+    plate,
+    pliers,
     remote,
     scissors,
     stapler,
@@ -47,6 +50,8 @@ FAMILIES: dict[str, Family] = {
         Family(pen.BUTTON, pen.make_button),
         Family(pen.CAP, pen.make_cap),
         Family(phone.SERIES, phone.make),
+        Family(plate.SERIES, plate.make),
+        Family(pliers.SERIES, pliers.make),
         Family(remote.SERIES, remote.make),
         Family(scissors.SERIES, scissors.make),
         Family(stapler.SERIES, stapler.make),
