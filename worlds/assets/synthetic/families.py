@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from worlds.assets.asset import Asset
-<<<<<<< HEAD
 from worlds.assets.synthetic import (
     bottle,
     bowl,
