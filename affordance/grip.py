@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -75,6 +76,8 @@ def grip_at(
         return None
     tip = float(w[at_spot].min()) + depth
     between = column & (w <= tip) & (np.abs(v) <= gripper.finger_travel) & (w > tip - FINGER_LENGTH)
+    if not between.any():
+        return None
     low, high = _cluster(v[between])
     half, middle = 0.5 * (high - low), 0.5 * (high + low)
     opening = half + ROOM
@@ -98,7 +101,7 @@ def _cluster(v: Array) -> tuple[float, float]:
     ordered = np.sort(v)
     breaks = np.flatnonzero(np.diff(ordered) > SHEET)
     edges = np.concatenate([[0], breaks + 1, [len(ordered)]])
-    runs = [(float(ordered[a]), float(ordered[b - 1])) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    runs = [(float(ordered[a]), float(ordered[b - 1])) for a, b in pairwise(edges)]
     return min(runs, key=lambda run: max(run[0], -run[1], 0.0))
 
 

@@ -20,6 +20,7 @@ from affordance.candidates import (
     Roles,
     SceneView,
 )
+from affordance.grip import grip_at
 from affordance.preparing import Body, edge_grasps, near_edge, presses, pushes, rim_grasps
 from robots.spatial import Array, hand_rotation, perpendicular, points, rotation_about, unit
 from robots.workcell import Gripper
@@ -53,6 +54,9 @@ PALM_ROOM = 0.036
 
 STOOP = np.radians(30.0)
 """Largest angle by which the hand points below the horizon when it grasps a standing object [rad]."""
+
+FINGER_THICK = 0.016
+"""How far a finger reaches outwards from its pad [m]."""
 
 UPRIGHT = 0.8
 """The object counts as standing when the vertical part of its long axis exceeds this."""
@@ -188,8 +192,46 @@ class HeuristicProposer:
         if len(fixed) == 0:
             return []
         propose = self._standing if abs(axis[2]) > UPRIGHT else self._lying
-        found = [propose(view, fixed, axis, goal, rng) for _ in range(24)]
-        return sorted((c for c in found if c is not None), key=lambda c: -c.score)
+        found = [c for c in (propose(view, fixed, axis, goal, rng) for _ in range(24)) if c is not None]
+        apart = [c for c in found if not self._takes_part(c)]
+        if not apart:
+            apart = self._beside(view, axis, goal, rng)
+        return sorted(apart, key=lambda c: -c.score)
+
+    def _takes_part(self, candidate: PregraspCandidate) -> bool:
+        """Whether the functional part lies between the open fingers or in their way."""
+        spots = points(self.truth.T_world_body, self.truth.surface[self.truth.on_part])
+        seen = points(candidate.T_world_hand.inverse(), spots)
+        wide = candidate.opening + FINGER_THICK
+        inside = (np.abs(seen[:, 0]) < PAD_HALF) & (np.abs(seen[:, 1]) < wide)
+        return bool((inside & (seen[:, 2] > 0.06) & (seen[:, 2] < self.gripper.tip_offset)).any())
+
+    def _beside(
+        self, view: SceneView, axis: Array, goal: GoalCandidate, rng: np.random.Generator
+    ) -> list[PregraspCandidate]:
+        """Grasps from above of a fixed link that has the part beside it: the fingers open just wide enough."""
+        T = self.truth.T_world_body
+        surface = points(T, self.truth.surface)
+        fixed = surface[~self.truth.on_part]
+        flat = unit([axis[0], axis[1], 0.0]) if np.hypot(axis[0], axis[1]) > 0.2 else np.array([1.0, 0.0, 0.0])
+        centre, lowest = T.act(self.truth.centre), view.workcell.table.top + TABLE_GAP
+        found = []
+        for _ in range(160):
+            spot = fixed[rng.integers(len(fixed))]
+            across = rotation_about([0.0, 0.0, 1.0], rng.normal(0.0, 0.25)) @ np.cross([0.0, 0.0, 1.0], flat)
+            approach = rotation_about(across, rng.uniform(-TILT, TILT)) @ np.array([0.0, 0.0, -1.0])
+            depth = min(GRASP_DEPTH, float(spot[2]) - lowest)
+            grip = grip_at(surface, spot, approach, across, depth, self.gripper) if depth > 0.002 else None
+            if grip is None or grip.cover < 0.1:
+                continue
+            low = grip.T_world_hand.act(np.array([0.0, 0.0, self.gripper.tip_offset]))[2]
+            raise_by = np.array([0.0, 0.0, max(0.0, lowest - float(low))])
+            T_world_hand = pin.SE3(grip.T_world_hand.rotation, grip.T_world_hand.translation + raise_by)
+            near = abs(float((spot - centre) @ flat))
+            candidate = PregraspCandidate(T_world_hand, grip.opening, grip.cover - 2.0 * near)
+            if not self._takes_part(candidate) and np.linalg.norm(goal.point - spot) > 0.03:
+                found.append(candidate)
+        return found
 
     def _lying(
         self, view: SceneView, fixed: Array, axis: Array, goal: GoalCandidate, rng: np.random.Generator

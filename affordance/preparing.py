@@ -44,6 +44,12 @@ TIGHT = 0.15
 LIFT = 0.17
 """How far the object is lifted [m]: 10 cm are needed, and it may sag."""
 
+PRESS_PAST = 0.004
+"""How far below the expected contact the pressing hand may go [m]; it stops at the force."""
+
+LOWEST = 0.0045
+"""Least height of the pressing finger tips above the table [m]: a rim is about as thick."""
+
 TOP_TENTH = 0.10
 """Share of a plate's highest points among which the grasp is chosen; the paper's value."""
 
@@ -230,7 +236,8 @@ def _pressed(
     sunk = T_move.act(at)
     approach = rotation_about(radial, rng.normal(0.0, TILT)) @ np.array([0.0, 0.0, -1.0])
     R = hand_rotation(approach, np.cross([0.0, 0.0, 1.0], radial))
-    travel = np.array([0.0, 0.0, float(sunk[2] - at[2]) - 0.004])
+    lowest = max(float(sunk[2]) - PRESS_PAST, top + LOWEST)
+    travel = np.array([0.0, 0.0, min(lowest - float(at[2]), 0.0)])
     return ContactCandidate(pin.SE3(R, at - gripper.tip_offset * approach), 0.0, travel, T_move, 1.0)
 
 

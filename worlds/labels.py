@@ -31,6 +31,7 @@ class Truth:
             without a part.
         surface: ``(m, 3)`` points on the whole object's surface in the body frame [m].
         normals: ``(m, 3)`` their outward normals.
+        on_part: ``(m,)`` whether each of them lies on the functional part.
         movable: ``(n,)`` whether each point of the observed cloud lies on the functional part.
     """
 
@@ -41,13 +42,15 @@ class Truth:
     part_vertices: Array
     surface: Array
     normals: Array
+    on_part: np.ndarray[tuple[int], np.dtype[np.bool_]]
     movable: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 def truth(world: BulletWorld, observation: Observation) -> Truth:
     """The truth about the object at the moment of the observation; the world must not have moved since."""
     part = world.asset.function
-    spots, normals = surface(world.asset)
+    sampled = surface(world.asset)
+    on_part = [np.full(len(spots), part is not None and link == part.link) for link, (spots, _) in sampled.items()]
     none = np.zeros(len(observation.cloud), dtype=bool)
     return Truth(
         T_world_body=world.object_pose(),
@@ -55,8 +58,9 @@ def truth(world: BulletWorld, observation: Observation) -> Truth:
         centre=frozen(centre_of_mass(world)),
         long_axis=world.asset.long_axis,
         part_vertices=frozen(np.zeros((0, 3))) if part is None else collision_vertices(world.asset)[part.link],
-        surface=spots,
-        normals=normals,
+        surface=frozen(np.concatenate([spots for spots, _ in sampled.values()])),
+        normals=frozen(np.concatenate([normals for _, normals in sampled.values()])),
+        on_part=np.concatenate(on_part),
         movable=none if part is None else point_links(world, observation) == part.link,
     )
 

@@ -31,7 +31,7 @@ FINGER_THICK = 0.016
 FINGER_LENGTH = 0.045
 """How far the fingers reach back from the tips before the palm begins [m]."""
 
-BACK_OFF = 0.08
+BACK_OFF = 0.05
 """Height of the assistant's way up after it has pressed [m]."""
 
 
@@ -89,15 +89,19 @@ def _with(
 
 
 def _release(cell: Cell, situation: Situation, side: Side) -> Draft | Reject:
-    """The assistant moves straight up from what it presses."""
+    """The assistant moves straight up from what it presses, and home."""
     arm, q = cell.arms[side], situation.q[side]
     theirs = touching(cell.workcell, other(side))
     setting = situation.setting()
     up = cell.line(setting, side, q, raised(arm.hand(q), BACK_OFF), situation, "release")
     if isinstance(up, Reject):
         return up
-    after = situation.moved(side, up.points[-1], touching=(*theirs, *ON_TABLE))
-    return Draft("release", side, "assistant", (Leg(side, "retreat", up, CONTACT_SPEED, setting),), situation, after)
+    away = situation.moved(side, arm.home, touching=(*theirs, *ON_TABLE))
+    legs = (
+        Leg(side, "retreat", up, CONTACT_SPEED, setting),
+        Leg(side, "free", arm.home, FREE_SPEED, away.setting()),
+    )
+    return Draft("release", side, "assistant", legs, situation, away)
 
 
 def swept_clear(cell: Cell, situation: Situation, goal: GoalCandidate) -> Reject | None:

@@ -32,14 +32,16 @@ def collision_pieces(asset: Asset) -> dict[str, list[Array]]:
     return found
 
 
-def surface(asset: Asset, spacing: float = 0.003) -> tuple[Array, Array]:
-    """Points ``(n, 3)`` [m] on the surfaces of all convex pieces about ``spacing`` apart, and their normals ``(n, 3)``.
+def surface(asset: Asset, spacing: float = 0.003) -> dict[str, tuple[Array, Array]]:
+    """Points ``(n, 3)`` [m] on the surfaces of all convex pieces and their normals ``(n, 3)``, by link.
 
-    In the body frame with the joints at their start. Faces between touching pieces are included.
+    In the body frame with the joints at their start, about ``spacing`` [m] apart. Faces between touching pieces are
+    included.
     """
     rng = np.random.default_rng(0)
-    spots, normals = [], []
-    for pieces in collision_pieces(asset).values():
+    found: dict[str, tuple[Array, Array]] = {}
+    for link, pieces in collision_pieces(asset).items():
+        spots, normals = [], []
         for vertices in pieces:
             mesh = hull(vertices)
             a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
@@ -50,7 +52,8 @@ def surface(asset: Asset, spacing: float = 0.003) -> tuple[Array, Array]:
             u, v = np.sqrt(rng.random(len(face))), rng.random(len(face))
             spots.append((1 - u)[:, None] * a[face] + (u * (1 - v))[:, None] * b[face] + (u * v)[:, None] * c[face])
             normals.append(cross[face] / (2.0 * area[face])[:, None])
-    return frozen(np.concatenate(spots)), frozen(np.concatenate(normals))
+        found[link] = frozen(np.concatenate(spots)), frozen(np.concatenate(normals))
+    return found
 
 
 def _set_joint(model: pin.Model, q: Array, name: str, value: float) -> None:
