@@ -59,7 +59,7 @@ RULES: dict[TaskType, dict[StageName, Rule]] = {
     "plate_lift": {
         "press": Rule("assistant", None, ("table", "arrived assistant")),
         "grasp": Rule("primary", None, ("table", "assistant", "arrived primary")),
-        "release": Rule("assistant", "primary", ("table", "assistant", "primary")),
+        "release": Rule("assistant", "primary", ("table", "leaving assistant", "primary")),
         "lift": Rule("primary", "primary", ("table", "primary")),
     },
     "handover": PICK
