@@ -62,7 +62,7 @@ def set_at(*path: Any, value: Any) -> Callable[[dict[str, Any]], None]:
     ("change", "words"),
     [
         (set_at("format", value="other"), 'its format is "other", not "bipremanip-plan"'),
-        (set_at("version", value=99), "has version 99; this program reads version 1"),
+        (set_at("version", value=99), "has version 99; this program reads version 2"),
         (set_at("colour", value="red"), "unknown field `colour`"),
         (set_at("stages", 0, "steps", 0, "positions", 3, value=[0.0] * 6), "length"),
         (set_at("stages", 0, "steps", 0, "times", 1, value="soon"), "Expected `float`"),
