@@ -126,11 +126,13 @@ class ContactCandidate:
     """Where the assistant pushes or presses, without holding.
 
     Attributes:
-        T_world_hand: Hand pose at which the finger tips meet the object.
+        T_world_hand: Hand pose at which the fingers meet the object.
         opening: Opening of one finger [m]; 0 touches with closed fingers.
         travel: How the hand moves from there on, in a straight line ``(3,)`` [m].
         T_move: How the object is expected to move meanwhile, in the world frame.
         score: Higher is better.
+        start: From where the hand comes to the contact, relative to it ``(3,)`` [m]: straight down onto it by default,
+            or from behind, the fingers low beside the object.
     """
 
     T_world_hand: pin.SE3
@@ -138,11 +140,14 @@ class ContactCandidate:
     travel: Array
     T_move: pin.SE3
     score: float
+    start: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_world_hand", self.T_world_hand.copy())
         object.__setattr__(self, "T_move", self.T_move.copy())
         object.__setattr__(self, "travel", frozen(self.travel))
+        if self.start is not None:
+            object.__setattr__(self, "start", frozen(self.start))
 
 
 class Proposer(Protocol):

@@ -29,6 +29,15 @@ LEAST_OVERHANG = 0.012
 ON_TABLE = 0.028
 """How far the pushing fingers must stay inside the edge [m]."""
 
+BESIDE = 0.012
+"""Distance of the middle of a finger from what it pushes with its side [m]."""
+
+BEHIND = 0.022
+"""How far behind the object the fingers come down before they push it from the side [m]."""
+
+FINGER_LENGTH = 0.045
+"""How far the fingers reach back from the tips before the palm begins [m]."""
+
 LEVEL = 0.0015
 """Height differences under the finger tips that still count as level [m]."""
 
@@ -37,6 +46,9 @@ TIP = 0.010
 
 TILT = np.radians(4.0)
 """Spread of the hand's tilt when it pushes or presses [rad]; the paper allows 10 deg."""
+
+PITCHES = (0.0, 0.0, 0.0, 0.2, 0.4, 0.7, 1.0, 1.3, -0.2, -0.5, -0.9, -1.3)
+"""From how far below the horizon the hand comes [rad]: level for thin things, from underneath or above for rims."""
 
 TIGHT = 0.15
 """Least share of the pads that must meet the object."""
@@ -105,7 +117,12 @@ def near_edge(table: Table) -> Edge:
 
 
 def pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generator) -> list[ContactCandidate]:
-    """One straight push towards the edge from spots near the centre of mass, best first."""
+    """One straight push towards the edge, best first: from above near the centre of mass, else low from behind."""
+    return (_top_pushes(body, edge, gripper, rng) + _side_pushes(body, edge, gripper, rng))[:KEPT]
+
+
+def _top_pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generator) -> list[ContactCandidate]:
+    """Pushes by pressing on the upper surface and dragging."""
     along_push, across = body.surface @ edge.outward, body.surface @ edge.along
     reach, centre = float(along_push.max()), float(body.centre @ edge.outward)
     room = reach - centre - KEPT_BACK
@@ -123,7 +140,7 @@ def pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generator) -
         behind = float(along_push[k] - centre)
         for opening in (0.022, 0.0):
             footing = _footing(body.surface, spot, edge.along, opening)
-            if footing is None:
+            if footing is None or not _room_above(body.surface, spot, footing, edge.along, opening):
                 continue
             score = -abs(aside) / 0.02 - abs(behind) / 0.08 + (0.3 if opening else 0.0) + rng.uniform(0.0, 0.2)
             tilt = rotation_about(edge.along, rng.normal(0.0, TILT))
@@ -134,7 +151,42 @@ def pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generator) -
             travel = length * edge.outward
             found.append(ContactCandidate(T_world_hand, opening, travel, pin.SE3(np.eye(3), travel), float(score)))
             break
-    return sorted(found, key=lambda candidate: -candidate.score)[:KEPT]
+    return sorted(found, key=lambda candidate: -candidate.score)[: KEPT // 2]
+
+
+def _room_above(surface: Array, spot: Array, footing: float, opening_axis: Array, opening: float) -> bool:
+    """Whether nothing of the object stands in the way of the fingers and the palm that come straight down."""
+    aside = np.abs((surface - spot) @ opening_axis)
+    across = np.abs((surface - spot) @ np.cross([0.0, 0.0, 1.0], opening_axis))
+    fingers = (aside < opening + 0.02) & (across < 0.014) & (surface[:, 2] > footing + 2 * LEVEL)
+    palm = (aside < 0.105) & (across < 0.036) & (surface[:, 2] > footing + 0.042)
+    return not (fingers.any() or palm.any())
+
+
+def _side_pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generator) -> list[ContactCandidate]:
+    """Pushes by two low fingers behind the object, like a fork: for what is hollow, round or not level."""
+    along_push, across = body.surface @ edge.outward, (body.surface - body.centre) @ edge.along
+    reach, room = float(along_push.max()), float(along_push.max() - body.centre @ edge.outward) - KEPT_BACK
+    found = []
+    for _ in range(KEPT):
+        opening, aside = float(rng.choice([0.034, 0.022, 0.010])), float(rng.normal(0.0, 0.006))
+        height = edge.top + rng.uniform(0.006, 0.010)
+        low = (body.surface[:, 2] > height - 0.002) & (body.surface[:, 2] < height + FINGER_LENGTH)
+        under = np.abs(np.abs(across - aside) - opening - 0.008) < 0.011
+        if not (low & under).any():
+            continue
+        back = float(along_push[low & under].min()) - BESIDE
+        wanted = float(np.clip(min(rng.uniform(*WANTED_OVERHANG), room), LEAST_OVERHANG, None))
+        length = edge.at - reach + wanted
+        if length < 0.004 or back + length > edge.at - ON_TABLE:
+            continue
+        tip = back * edge.outward + (body.centre @ edge.along + aside) * edge.along + height * np.array([0.0, 0.0, 1.0])
+        R = hand_rotation([0.0, 0.0, -1.0], edge.along * rng.choice([-1.0, 1.0]))
+        T_world_hand = pin.SE3(R, tip + gripper.tip_offset * np.array([0.0, 0.0, 1.0]))
+        travel, start = length * edge.outward, -BEHIND * edge.outward
+        score = opening / 0.034 - abs(aside) / 0.01 - 3.0
+        found.append(ContactCandidate(T_world_hand, opening, travel, pin.SE3(np.eye(3), travel), score, start))
+    return sorted(found, key=lambda candidate: -candidate.score)[: KEPT // 2]
 
 
 def _footing(surface: Array, spot: Array, opening_axis: Array, opening: float) -> float | None:
@@ -169,7 +221,7 @@ def edge_grasps(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generat
     found: list[tuple[float, GoalCandidate]] = []
     for _ in range(DRAWS):
         spot = body.surface[rng.choice(exposed)]
-        pitch = rng.choice([0.0, 0.0, 0.0, 0.2, 0.4, 0.7, 1.0, 1.3, -0.2]) + rng.normal(0.0, 0.04)
+        pitch = rng.choice(PITCHES) + rng.normal(0.0, 0.04)
         yaw = rng.normal(0.0, 0.2)
         level = rotation_about([0.0, 0.0, 1.0], yaw) @ -edge.outward
         up = np.array([0.0, 0.0, 1.0])

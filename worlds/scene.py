@@ -67,6 +67,6 @@ def _drop(world: BulletWorld, vertices: Array, rng: np.random.Generator) -> None
 
 
 def _inside(world: BulletWorld) -> bool:
-    low, high = world.object_bounds()
-    off = (low + high)[:2] / 2 - np.asarray(world.workcell.shared[:2])
+    vertices = world.object_vertices()
+    off = (vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2 - np.asarray(world.workcell.shared[:2])
     return bool(np.abs(off).max() < REGION and world.object_pose().translation[2] > world.workcell.table.top)

@@ -62,11 +62,11 @@ def _pushed(
     arm, mine = cell.arms[side], touching(cell.workcell, side)
     near = situation.setting(openings={side: candidate.opening}, allowed=ON_TABLE)
     contact = situation.setting(openings={side: candidate.opening}, allowed=(*ON_TABLE, *mine))
-    down = _descent(cell, situation, side, candidate.T_world_hand, q, OVERTRAVEL)
+    down = (_descent if candidate.start is None else _from_behind)(cell, situation, side, candidate, q)
     if isinstance(down, Reject):
         return down
-    hover, descend = down
-    pressed = descend.points[-1]
+    hover, descend, closing_in = down
+    pressed = (closing_in or descend).points[-1]
     T_low = arm.hand(pressed)
     carried = replace(
         situation,
@@ -104,8 +104,15 @@ def _pushed(
         *cell.ready(side, candidate.opening, situation, ON_TABLE),
         Leg(side, "free", hover.points[0], FREE_SPEED, near),
         Leg(side, "approach", hover, CONTACT_SPEED, near),
-        Leg(side, "descend", descend, DESCEND_SPEED, contact, guard=TOUCH_FORCE),
-        Leg(side, "drag", drag, DRAG_SPEED, carried.setting(), force=DRAG_FORCE),
+        *(
+            [Leg(side, "descend", descend, DESCEND_SPEED, contact, guard=TOUCH_FORCE)]
+            if closing_in is None
+            else [
+                Leg(side, "approach", descend, CONTACT_SPEED, near),
+                Leg(side, "approach", closing_in, DRAG_SPEED, contact),
+            ]
+        ),
+        Leg(side, "drag", drag, DRAG_SPEED, carried.setting(), force=DRAG_FORCE if closing_in is None else None),
     )
     back = (
         Leg(side, "retreat", up, CONTACT_SPEED, leaving),
@@ -129,11 +136,11 @@ def press(
     contact = situation.setting(openings={side: candidate.opening}, allowed=(*ON_TABLE, *mine))
     last = Reject("proposal", "no joint solution was tried")
     for q in solved:
-        down = _descent(cell, situation, side, candidate.T_world_hand, q, -float(candidate.travel[2]))
+        down = _descent(cell, situation, side, candidate, q, -float(candidate.travel[2]))
         if isinstance(down, Reject):
             last = down
             continue
-        hover, descend = down
+        hover, descend, _ = down
         end = descend.points[-1]
         after = replace(
             situation,
@@ -153,13 +160,18 @@ def press(
     return last
 
 
+Ways = tuple[JointPath, JointPath, JointPath | None]
+"""To above the contact, down, and to the contact where the hand comes from behind."""
+
+
 def _descent(
-    cell: Cell, situation: Situation, side: Side, T_contact: pin.SE3, q: Array, depth: float
-) -> tuple[JointPath, JointPath] | Reject:
+    cell: Cell, situation: Situation, side: Side, candidate: ContactCandidate, q: Array, depth: float = OVERTRAVEL
+) -> Ways | Reject:
     """The ways to above the contact and from there straight down past it by ``depth`` [m]; ``q`` is at the contact."""
-    arm, mine = cell.arms[side], touching(cell.workcell, side)
-    near = situation.setting(openings={side: situation.openings[side]}, allowed=ON_TABLE)
-    contact = situation.setting(allowed=(*ON_TABLE, *mine))
+    arm, mine, T_contact = cell.arms[side], touching(cell.workcell, side), candidate.T_world_hand
+    openings = {side: candidate.opening}
+    near = situation.setting(openings=openings, allowed=ON_TABLE)
+    contact = situation.setting(openings=openings, allowed=(*ON_TABLE, *mine))
     up = cell.line(contact, side, q, raised(T_contact, HOVER), situation, "descend")
     if isinstance(up, Reject):
         return up
@@ -170,4 +182,26 @@ def _descent(
     low = cell.line(contact, side, above, raised(T_contact, -depth), situation, "descend")
     if isinstance(low, Reject):
         return low
-    return JointPath(hover.points[::-1].copy()), low
+    return JointPath(hover.points[::-1].copy()), low, None
+
+
+def _from_behind(cell: Cell, situation: Situation, side: Side, candidate: ContactCandidate, q: Array) -> Ways | Reject:
+    """The ways down behind the object and from there level to the contact at ``q``."""
+    arm, mine, T_contact = cell.arms[side], touching(cell.workcell, side), candidate.T_world_hand
+    openings = {side: candidate.opening}
+    near = situation.setting(openings=openings, allowed=ON_TABLE)
+    contact = situation.setting(openings=openings, allowed=(*ON_TABLE, *mine))
+    start = np.zeros(3) if candidate.start is None else candidate.start
+    back = cell.line(contact, side, q, shifted(T_contact, start), situation, "approach")
+    if isinstance(back, Reject):
+        return back
+    behind = back.points[-1]
+    up = cell.line(near, side, behind, raised(arm.hand(behind), HOVER), situation, "approach")
+    if isinstance(up, Reject):
+        return up
+    above = up.points[-1]
+    hover = cell.line(near, side, above, raised(arm.hand(above), RISE - HOVER), situation, "approach")
+    if isinstance(hover, Reject):
+        return hover
+    hover_, down, ahead = (JointPath(path.points[::-1].copy()) for path in (hover, up, back))
+    return hover_, down, ahead

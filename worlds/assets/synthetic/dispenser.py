@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robots.spatial import Array
+from robots.spatial import Array, rotation_about
 from worlds.assets.asset import Asset, FunctionalPart, JointPhysics
 from worlds.assets.build import Design, Joint, Link, realise
-from worlds.assets.solids import BULLET_MARGIN, Mesh, box, merged, moved
+from worlds.assets.solids import BULLET_MARGIN, Mesh, box, hull, merged, moved
 from worlds.assets.synthetic.outline import PROFILES, container, cylinder, stack
 from worlds.assets.synthetic.series import Series, mixed, pastel
 
@@ -34,6 +34,9 @@ GAP = 2.0 * BULLET_MARGIN + 0.0005
 PRESS_FORCE = (6.0, 10.0)
 """Force at the pressed point [N]; a lotion pump's spring asks for 10 to 20, most of it late in the stroke, and a
 sprayer's trigger for more, but by two fingers."""
+
+TRIGGER_SLANT = 0.30
+"""How far a trigger's lower end stands out in front before it is pulled [rad]: past nozzle and shoulder."""
 
 STEM_RADIUS = 0.004
 """Radius of a pump stem [m]."""
@@ -159,29 +162,32 @@ def _spray(rng: np.random.Generator, width: float, neck: float) -> _Head:
 
 
 def _trigger(rng: np.random.Generator, width: float, neck: float) -> _Head:
-    """A trigger that hangs from a hood in front of a column and is pulled towards it at its lower end."""
+    """A trigger that hangs from a hood, its lower end in front, and is pulled towards the column behind it."""
     travel, collar = rng.uniform(0.32, 0.42), rng.uniform(0.010, 0.014)
     length, half, thick = rng.uniform(0.036, 0.042), rng.uniform(0.010, 0.012), 0.006
     column, hood = 0.8 * neck, rng.uniform(0.013, 0.017)
-    front = column + thick + length * np.sin(travel) + GAP
+    slant = rotation_about([0.0, 1.0, 0.0], -TRIGGER_SLANT)
+    front = column + thick + length * np.sin(travel - TRIGGER_SLANT) + GAP + 0.001
     hinge = collar + length + GAP
     blade = box((thick, 2.0 * half, length - 0.003), (-0.5 * thick, 0.0, -0.5 * (length + 0.003)))
-    pin = box((0.004, half, 0.003 + GAP), (-0.5 * thick, 0.0, 0.5 * (GAP - 0.003)))
-    roof = hinge + GAP
-    nozzle = box((0.008, 0.010, 0.010), (front + 0.008, 0.0, roof + 0.5 * hood))
-    top = box((front + 0.004 + neck, 1.6 * column, hood), (0.5 * (front + 0.004 - neck), 0.0, roof + 0.5 * hood))
+    blade = hull(blade.vertices @ slant.T)
+    pin = box((0.004, half, 0.004 + GAP), (-0.5 * thick, 0.0, 0.5 * (GAP - 0.004)))
+    roof, end = hinge + GAP, front + 0.002
+    nozzle = box((0.004, 0.010, 0.010), (end + 0.002, 0.0, roof + 0.5 * hood))
+    top = box((end + neck, 1.6 * column, hood), (0.5 * (end - neck), 0.0, roof + 0.5 * hood))
     stem = box((2.0 * column, 1.6 * column, roof), (0.0, 0.0, 0.5 * roof))
     lever = length - 0.008
+    origin = np.array([front, 0.0, hinge])
     return _Head(
         moving=(blade,),
         shown=merged((blade, pin)),
         fixed=(cylinder(0.0, collar, neck + 0.002), stem, top, nozzle),
-        origin=np.array([front, 0.0, hinge]),
+        origin=origin,
         axis=np.array([0.0, 1.0, 0.0]),
-        point=np.array([front, 0.0, hinge - lever]),
+        point=origin + slant @ np.array([0.0, 0.0, -lever]),
         travel=travel,
         lever=lever,
-        way=np.array([-1.0, 0.0, 0.0]),
+        way=slant @ np.array([-1.0, 0.0, 0.0]),
     )
 
 

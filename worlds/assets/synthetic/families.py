@@ -40,23 +40,23 @@ FAMILIES: dict[str, Family] = {
     family.series.category: family
     for family in (
         Family(bottle.SERIES, bottle.make),
-        Family(bowl.SERIES, bowl.make),
-        Family(cap.SERIES, cap.make),
         Family(dispenser.SERIES, dispenser.make),
-        Family(keyboard.SERIES, keyboard.make),
-        Family(laptop.SERIES, laptop.make),
         Family(lighter.SERIES, lighter.make),
         Family(pen.BUTTON, pen.make_button),
         Family(pen.CAP, pen.make_cap),
+        Family(stapler.SERIES, stapler.make),
+        Family(usb.SERIES, usb.make),
+        Family(bowl.SERIES, bowl.make),
+        Family(cap.SERIES, cap.make),
+        Family(keyboard.SERIES, keyboard.make),
+        Family(laptop.SERIES, laptop.make),
         Family(phone.SERIES, phone.make),
         Family(plate.SERIES, plate.make),
         Family(pliers.SERIES, pliers.make),
         Family(remote.SERIES, remote.make),
         Family(scissors.SERIES, scissors.make),
-        Family(stapler.SERIES, stapler.make),
         Family(switch.SERIES, switch.make),
-        Family(usb.SERIES, usb.make),
         Family(window.SERIES, window.make),
     )
 }
-"""By object category."""
+"""By object category: those that are operated, then those that are pushed over an edge."""

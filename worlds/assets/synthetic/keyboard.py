@@ -47,7 +47,6 @@ FRONT = (0.007, 0.010)
 ROWS = (0.0034, 0.0028, 0.0020, 0.0024, 0.0030, 0.0036)
 """How far each row stands off the case, from the space bar up [m]: sculpted rows are lowest in the middle."""
 
-
 LETTERS = 15.0
 """Width of the block of letters [pitches]."""
 

@@ -12,7 +12,7 @@ from worlds.assets.asset import Asset, JointPhysics
 from worlds.assets.build import Design, Joint, Link, realise
 from worlds.assets.solids import Mesh, box, hull, moved
 from worlds.assets.synthetic.series import Series, pastel
-from worlds.assets.synthetic.slab import GAP, density, rounded, slab
+from worlds.assets.synthetic.slab import BEHIND, GAP, density, rounded, slab
 
 SERIES = Series("Laptop", count=55, seed=20_260_204)
 """As many as in the paper's table; the seed starts every instance's own generator."""
@@ -56,7 +56,7 @@ def make(instance: str) -> Asset:
     x, y, corner = 0.5 * width, 0.5 * width * rng.uniform(*ASPECT), rng.uniform(*CORNER)
     rear, thick = rng.uniform(*BASE[kind]), rng.uniform(*LID[kind])
     front = rng.uniform(*TIP) if kind == "wedge" else rear
-    hinge = np.array([0.0, y, rear + 0.5 * GAP])
+    hinge = np.array([0.0, y + BEHIND, rear + 0.5 * GAP])
     base = (_plate(x, y, corner, (0.0, 0.0), (front, rear)), *(_feet(x, y) if kind == "clamshell" else ()))
     low, high = (front + GAP, rear + GAP), (front + GAP + thick, rear + GAP + thick)
     bump = _camera(x, y, high[1]) if kind == "two-in-one" else ()

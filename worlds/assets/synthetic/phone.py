@@ -8,7 +8,7 @@ from worlds.assets.asset import Asset, JointPhysics
 from worlds.assets.build import Design, Joint, Link, realise
 from worlds.assets.solids import Mesh, moved
 from worlds.assets.synthetic.series import Series, pastel
-from worlds.assets.synthetic.slab import GAP, density, slab
+from worlds.assets.synthetic.slab import BEHIND, GAP, density, slab
 
 SERIES = Series("Phone", count=18, seed=20_260_205)
 """As many as in the paper's table; the seed starts every instance's own generator."""
@@ -79,7 +79,7 @@ def _flip(
     length, width, thick = size
     half = 0.5 * (thick - GAP)
     lower = (slab((length, width, half), (0.0, 0.0, 0.5 * half), radius, 0.001),)
-    hinge = np.array([0.5 * length, 0.0, half + 0.5 * GAP])
+    hinge = np.array([0.5 * length + BEHIND, 0.0, half + 0.5 * GAP])
     cover = slab((length, width, half), (0.0, 0.0, 1.5 * half + GAP), radius, 0.001)
     window = slab((0.3 * length, 0.5 * width, 0.003), (0.22 * length, 0.0, thick - 0.0007), 0.004)
     upper = tuple(moved(solid, -hinge) for solid in (cover, window))

@@ -53,7 +53,7 @@ def make(instance: str) -> Asset:
     lift = _lifts(kind, rng, length)
     section = "round" if kind == "wand" else "bevelled"
     case = _case(x, half, lift, np.array(SECTIONS[section]) * (1.0, thick), whole=kind in ("slab", "wand"))
-    blocks, keys = _keys(rng, x, half, lift + thick)
+    blocks, keys = _keys(rng, x, SECTIONS[section][-1][0] * half, lift + thick)
     mass = rng.uniform(*MASS[kind])
     body = Link(
         "body", (*case, *blocks), density((*case, *blocks), mass), pastel(rng, dark=True), merged((*case, *keys))
@@ -116,9 +116,13 @@ def _case(x: Array, half: Array, lift: Array, outline: Array, *, whole: bool) ->
 
 
 def _keys(rng: np.random.Generator, x: Array, half: Array, top: Array) -> tuple[tuple[Mesh, ...], tuple[Mesh, ...]]:
-    """A round pad near the far end and rows of three keys behind it: a solid a row, and what is seen of them."""
+    """A round pad at the far end and rows of three keys behind it, on a face of half widths ``half``.
+
+    Returns:
+        One solid a row, and what is seen: every key.
+    """
     ahead = float(rng.uniform(0.12, 0.22)) * (x[-1] - x[0])
-    radius = 0.6 * float(np.interp(ahead, x, half))
+    radius = 0.64 * float(np.interp(ahead, x, half))
     base = np.array([ahead, 0.0, float(np.interp(ahead, x, top)) - 0.003])
     pad = moved(barrel(disc(0.0, radius), disc(0.003 + KEY, 0.9 * radius)), base)
     blocks, keys = [pad], [pad]

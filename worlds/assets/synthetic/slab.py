@@ -13,6 +13,9 @@ from worlds.assets.synthetic.outline import ROUND, Ring
 GAP = 2.0 * BULLET_MARGIN + 0.0005
 """Least distance between two parts [m]: the simulator's margins leave half a millimetre."""
 
+BEHIND = 0.002
+"""Hinge line behind the edges of two halves that lie on each other [m]: opened, one edge swings clear of the other."""
+
 CORNER = np.array([0.0, np.pi / 6, np.pi / 3, np.pi / 2])
 """Where the corners of a rounded corner are [rad]."""
 
