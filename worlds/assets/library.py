@@ -10,6 +10,7 @@ import numpy as np
 from robots.errors import BadAsset, BadInput, UnknownName
 from worlds.assets import partnet
 from worlds.assets.asset import Asset, Rejected, Split
+from worlds.assets.everyday import CATEGORIES
 from worlds.assets.synthetic.families import FAMILIES
 
 FORMS = "synthetic, partnet:DIR (DIR holds one folder per category, for example DIR/Bottle)"
@@ -55,7 +56,8 @@ def categories(source: str) -> list[str]:
     Raises:
         BadInput: The source cannot be used.
     """
-    return list(FAMILIES) if parse_source(source).root is None else list(partnet.CATEGORIES)
+    where = parse_source(source)
+    return list(FAMILIES) if where.root is None else partnet.present(where.root)
 
 
 def names(source: str, category: str, split: Split | None = None) -> list[str]:
@@ -117,8 +119,9 @@ def _attempt(source: str, category: str, instance: str) -> Asset | Rejected:
 
 
 def _check_category(where: Source, category: str) -> None:
-    if category not in FAMILIES:
-        raise UnknownName("category", category, FAMILIES)
+    valid = FAMILIES if where.root is None else CATEGORIES
+    if category not in valid:
+        raise UnknownName("category", category, valid)
     if where.root is not None and category not in partnet.CATEGORIES:
         read = ", ".join(partnet.CATEGORIES)
         raise BadInput(f"{category} is not read from {where.text}, only {read} are; leave out --asset for {category}.")
