@@ -62,8 +62,8 @@ EVERYDAY: dict[str, Everyday] = {
     "USB": Everyday(0.070, 1200.0, lies=False),
     # Cereal bowls of 140 to 160 mm, 300 to 400 g of ceramic.
     "Bowl": Everyday(0.15, 1800.0, lies=False, hollow=True),
-    # A baseball cap with its peak is 0.25 to 0.29 long and weighs 70 to 100 g.
-    "Cap": Everyday(0.27, 150.0, lies=False, hollow=True),
+    # A baseball cap with its peak is 0.25 to 0.29 long and weighs 70 to 100 g; its parts are thicker than cloth.
+    "Cap": Everyday(0.27, 80.0, lies=False, hollow=True),
     # Compact keyboards of 0.36 to 0.42, 400 to 600 g.
     "Keyboard": Everyday(0.40, 500.0),
     # Closed 12 and 13 inch laptops are 0.28 to 0.31 wide and weigh 0.9 to 1.3 kg; hinges hold 0.3 to 0.9 N m.
@@ -76,8 +76,8 @@ EVERYDAY: dict[str, Everyday] = {
     "Scissors": Everyday(0.17, 2500.0, hinge=0.1),
     # Wall switches with an 80 to 86 mm plate, 60 to 100 g, half air.
     "Switch": Everyday(0.086, 700.0),
-    # A model of a window: full-size ones are 0.6 to 1.3 m; wood and glass with air between.
-    "Window": Everyday(0.28, 600.0, hinge=0.3),
+    # A model of a window, of light wood and acrylic: full-size ones are 0.6 to 1.3 m.
+    "Window": Everyday(0.28, 300.0, hinge=0.3),
     # Dessert plates of 0.19 to 0.23, 350 to 450 g of ceramic.
     "Plate": Everyday(0.21, 2000.0, lies=False, hollow=True),
 }

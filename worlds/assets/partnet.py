@@ -23,7 +23,7 @@ from worlds.assets.mobility import ROOT, Mobility, MovingJoint, read
 from worlds.assets.posture import flat_rotation
 from worlds.assets.solids import merged, moved, volume
 from worlds.assets.usage import operated, simplified
-from worlds.assets.weld import posed
+from worlds.assets.weld import posed, rest_position
 
 FOLDERS = {
     "Bottle": "Bottle",
@@ -124,11 +124,11 @@ def make(root: Path, source: str, category: str, instance: str) -> Asset:
 
 def _scale(model: Mobility, category: str) -> tuple[float, str]:
     """Metres per model unit, and how it was found."""
-    starts = shut(model).starts if category in SHUT else {}
-    extent = np.ptp(posed(model, starts), axis=0)
+    container = category in CONTAINERS
+    rest = {} if container else {joint.name: rest_position(joint) for joint in model.joints.values()}
+    extent = np.ptp(posed(model, rest | (shut(model).starts if category in SHUT else {})), axis=0)
     if extent.min() <= 0.0:
         raise BadAsset(model.instance, "it is flat")
-    container = category in CONTAINERS
     narrow = float(extent[:2].min() if container else extent.min())
     long = float(extent[2] if container else extent.max())
     factor = min(EVERYDAY[category].size / long, WIDEST_GRIP / narrow)
