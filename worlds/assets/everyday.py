@@ -72,8 +72,8 @@ EVERYDAY: dict[str, Everyday] = {
     "Phone": Everyday(0.15, 1700.0),
     # Television remotes of 0.15 to 0.20, 80 to 130 g with batteries.
     "Remote": Everyday(0.17, 800.0),
-    # Household scissors of 0.15 to 0.20, 50 to 100 g; a tight screw.
-    "Scissors": Everyday(0.17, 2500.0, hinge=0.1),
+    # Household scissors of 0.15 to 0.20, 50 to 100 g; their parts are fuller than blades and rings; a tight screw.
+    "Scissors": Everyday(0.17, 1500.0, hinge=0.1),
     # Wall switches with an 80 to 86 mm plate, 60 to 100 g, half air.
     "Switch": Everyday(0.086, 700.0),
     # A model of a window, of light wood and acrylic: full-size ones are 0.6 to 1.3 m.
