@@ -168,7 +168,7 @@ def test_ctrl_c_while_planning_is_130_and_keeps_the_trace(tmp_path: Path) -> Non
         "import sys, os\n"
         "from tamp.refine import Search\n"
         "def stop(*a): os.kill(os.getpid(), signal.SIGINT)\n"
-        "Search._with_grasp = stop\n"
+        "Search._descend = stop\n"
         "from tamp.cli import main\n"
         f"sys.exit(main(['plan', 'Bottle', '--seed', '1', '--json', '--out', {str(folder)!r}]))\n"
     )
