@@ -52,7 +52,7 @@ def claimed(folder: Path, settings: Struct) -> Iterator[None]:
     _check_folder(folder)
     began = _began(folder)
     if began is not None:
-        _check_same(folder, began, msgspec.to_builtins(settings))
+        _check_same(folder, began, msgspec.json.decode(msgspec.json.encode(settings)))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = os.open(folder / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o644)

@@ -35,7 +35,10 @@ def mcnemar(only_first: int, only_second: int) -> float:
         only_second: Pairs that only the second one solved.
     """
     trials, fewer = only_first + only_second, min(only_first, only_second)
-    tail = sum(math.comb(trials, k) for k in range(fewer + 1))
+    ways = tail = 1
+    for k in range(fewer):
+        ways = ways * (trials - k) // (k + 1)  # of choosing k + 1 of the trials
+        tail += ways
     return min(1.0, float(2 * tail / 2**trials))
 
 

@@ -59,11 +59,9 @@ def run(arguments: Arguments, output: Output) -> int:
     from tamp.bench.results import summarise
     from tamp.bench.run import run as run_benchmark
 
-    if absent:
-        output.text(f"not in {arguments.asset}, left out: {', '.join(absent)}")
     from tamp.cli.counting import BenchProgress
 
-    with BenchProgress(output) as progress:
+    with BenchProgress(output, left_out(arguments.asset, absent)) as progress:
         try:
             rows = run_benchmark(settings, arguments.out, workers=workers, watch=progress)
         except KeyboardInterrupt:
@@ -83,6 +81,11 @@ def worker_count(asked: int | None) -> int:
     if asked < 1:
         raise BadInput(f"--workers {asked}: give 1 or more.")
     return asked
+
+
+def left_out(asset: str, absent: list[str]) -> str:
+    """A line about columns that a source does not have."""
+    return f"not in {asset}, left out: {', '.join(absent)}" if absent else ""
 
 
 def settings_of(arguments: Arguments) -> tuple[Settings, list[str]]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from robots.errors import BadInput
-from tamp.cli.bench import worker_count
+from tamp.cli.bench import left_out, worker_count
 from tamp.cli.output import Output
 
 if TYPE_CHECKING:
@@ -61,13 +61,11 @@ def run(arguments: Arguments, output: Output) -> int:
     workers = worker_count(arguments.workers)
     _check_numbers(arguments)
     settings, targets, absent = plan_of(arguments)
-    if absent:
-        output.text(f"not in {arguments.asset}, left out: {', '.join(absent)}")
     from tamp.cli.counting import CollectProgress
     from tamp.data.collect import collect
 
     started = time.monotonic()
-    with CollectProgress(output) as progress:
+    with CollectProgress(output, left_out(arguments.asset, absent)) as progress:
         columns = collect(settings, targets, arguments.out, workers=workers, watch=progress)
     met = all(column.met(targets) for column in columns)
     show(columns, targets, arguments.out, output)

@@ -17,10 +17,15 @@ LINE_EVERY = 30.0
 
 
 class Bars:
-    """Progress bars on stderr with counts, rate and remaining time; plain lines when it is no terminal."""
+    """Progress bars on stderr with counts, rate and remaining time; plain lines when it is no terminal.
 
-    def __init__(self, output: Output) -> None:
-        self.output = output
+    Args:
+        output: Where they go.
+        note: Said when the run begins.
+    """
+
+    def __init__(self, output: Output, note: str = "") -> None:
+        self.output, self.note = output, note
         self._bars: Any = None
         self._started = self._said = time.monotonic()
         self.count = 0
@@ -47,6 +52,11 @@ class Bars:
         if self._bars is not None:
             self._bars.stop()
 
+    def announce(self) -> None:
+        """Say the note, if there is one."""
+        if self.note:
+            self.output.text(self.note)
+
     def add(self, words: str, total: int, done: int) -> Any:
         """A new bar; the handle is for ``set``."""
         return None if self._bars is None else self._bars.add_task(words, total=total, completed=done, note="")
@@ -71,8 +81,8 @@ class Bars:
 class BenchProgress(Bars):
     """How a benchmark goes on."""
 
-    def __init__(self, output: Output) -> None:
-        super().__init__(output)
+    def __init__(self, output: Output, note: str = "") -> None:
+        super().__init__(output, note)
         self.rows: list[Row] = []
         """Every row so far, those of earlier calls included."""
         self._total = 0
@@ -81,6 +91,7 @@ class BenchProgress(Bars):
     def begin(self, total: int, done: list[Row]) -> None:
         """So many episodes in all; some may be done already."""
         self.rows, self._total = list(done), total
+        self.announce()
         if done:
             self.output.text(f"{len(done)} of {total} episodes are done already")
         self._bar = self.add("episodes", total, len(done))
@@ -99,8 +110,8 @@ class BenchProgress(Bars):
 class CollectProgress(Bars):
     """How a collection goes on: a bar for each column's successes and failures together."""
 
-    def __init__(self, output: Output) -> None:
-        super().__init__(output)
+    def __init__(self, output: Output, note: str = "") -> None:
+        super().__init__(output, note)
         self.work_seconds = 0.0
         """Summed wall time of the attempts that ended in this call [s]."""
         self._bars_of: dict[str, Any] = {}
@@ -109,6 +120,7 @@ class CollectProgress(Bars):
 
     def begin(self, columns: list[Column], targets: Targets) -> None:
         """It begins, perhaps with what earlier calls collected."""
+        self.announce()
         self._columns, self._wanted = columns, targets.successes + targets.failures
         if kept := sum(column.successes + column.failures for column in columns):
             self.output.text(f"{kept} of {self._wanted * len(columns)} episodes are there already")
