@@ -57,15 +57,17 @@ def run(arguments: Arguments, output: Output) -> int:
     settings, absent = settings_of(arguments)
     from tamp.bench.report import write
     from tamp.bench.results import summarise
+    from tamp.bench.run import rows_in
     from tamp.bench.run import run as run_benchmark
-
     from tamp.cli.counting import BenchProgress
 
     with BenchProgress(output, left_out(arguments.asset, absent)) as progress:
         try:
             rows = run_benchmark(settings, arguments.out, workers=workers, watch=progress)
         except KeyboardInterrupt:
-            write(summarise(settings, progress.rows, absent, str(arguments.out)), arguments.out)
+            if progress.begun:
+                rows = list(rows_in(arguments.out).values())
+                write(summarise(settings, rows, absent, str(arguments.out)), arguments.out)
             raise
     results = summarise(settings, rows, absent, str(arguments.out))
     write(results, arguments.out)

@@ -83,14 +83,15 @@ class BenchProgress(Bars):
 
     def __init__(self, output: Output, note: str = "") -> None:
         super().__init__(output, note)
-        self.rows: list[Row] = []
-        """Every row so far, those of earlier calls included."""
-        self._total = 0
+        self.begun = False
+        """Whether the folder was accepted and episodes run."""
+        self._rows = self._good = self._total = 0
         self._bar: Any = None
 
     def begin(self, total: int, done: list[Row]) -> None:
         """So many episodes in all; some may be done already."""
-        self.rows, self._total = list(done), total
+        self.begun = True
+        self._rows, self._good, self._total = len(done), sum(row.success for row in done), total
         self.announce()
         if done:
             self.output.text(f"{len(done)} of {total} episodes are done already")
@@ -98,13 +99,13 @@ class BenchProgress(Bars):
 
     def row(self, row: Row) -> None:
         """An episode ended."""
-        self.rows.append(row)
         self.count += 1
-        good = sum(each.success for each in self.rows)
-        rate = f"{self.per_hour / 60:.1f} a minute"
-        self.set(self._bar, len(self.rows), f"{good} succeeded, {rate}")
-        left = (self._total - len(self.rows)) / max(1e-9, self.per_hour) * 60
-        self.line(f"{len(self.rows)} of {self._total} episodes, {good} succeeded, {rate}, {left:.0f} min left")
+        self._rows += 1
+        self._good += row.success
+        rate = f"{self._good} succeeded, {self.per_hour / 60:.1f} a minute"
+        self.set(self._bar, self._rows, rate)
+        left = (self._total - self._rows) / max(1e-9, self.per_hour) * 60
+        self.line(f"{self._rows} of {self._total} episodes, {rate}, {left:.0f} min left")
 
 
 class CollectProgress(Bars):

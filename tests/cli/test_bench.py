@@ -13,7 +13,9 @@ from pathlib import Path
 import pytest
 
 from tamp.bench.seeds import benchmark_seeds
-from tests.cli.test_cli import REPOSITORY, answer, bipre, refused
+from tamp.cli import main
+from tamp.cli.verbs import subverbs
+from tests.cli.test_cli import INTERRUPTIBLE, REPOSITORY, answer, bipre, refused
 
 SMALL = ("--methods", "heuristic", "--categories", "Bottle", "--split", "seen", "--episodes", "2", "--workers", "1")
 
@@ -79,18 +81,18 @@ def test_other_settings_for_the_folder_are_one_message(folder: Path) -> None:
     assert "was begun with --timeout 60.0, not 30.0; a run keeps its settings" in refused("bench", *words)
 
 
+def played(name: str, *words: str) -> list[str]:
+    """A command line of the benchmark with episodes of ``tests.cli.played``."""
+    script = INTERRUPTIBLE + (
+        f"import sys\nimport tamp.bench.run\nfrom tests.cli.played import {name}\n"
+        f"tamp.bench.run.play = {name}\nfrom tamp.cli import main\nsys.exit(main({['bench', *words]!r}))\n"
+    )
+    return [sys.executable, "-c", script]
+
+
 def test_an_exception_in_an_episode_is_counted_named_and_exit_1(tmp_path: Path) -> None:
-    """Assets that are gone once the run begins make every episode raise."""
-    script = (
-        "import sys\nimport tamp.bench.run\n"
-        "from tests.cli.raising import raising\n"
-        "tamp.bench.run.play = raising\n"
-        "from tamp.cli import main\n"
-        f"sys.exit(main(['bench', *{SMALL!r}, '--json', '--out', {str(tmp_path)!r}]))\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=REPOSITORY, capture_output=True, text=True, timeout=120, check=False
-    )
+    command = played("raising", *SMALL, "--json", "--out", str(tmp_path))
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 1, done.stderr
     told = answer(done)
     assert [fault["reason"] for fault in told["faults"]] == ["error", "error"]
@@ -98,6 +100,24 @@ def test_an_exception_in_an_episode_is_counted_named_and_exit_1(tmp_path: Path) 
     seed = benchmark_seeds("Bottle", "seen")[0]
     assert f"error heuristic-E2-Bottle-seen-{seed}: RuntimeError: out of luck" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_ctrl_c_is_130_and_keeps_what_is_done(tmp_path: Path) -> None:
+    lines = tmp_path / "episodes.jsonl"
+    command = played("steady", "--categories", "Bottle,USB", "--workers", "1", "--out", str(tmp_path))
+    with subprocess.Popen(command, cwd=REPOSITORY, stderr=subprocess.PIPE, text=True) as process:
+        while not (lines.is_file() and lines.read_bytes().count(b"\n") >= 5):
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert said.endswith("Interrupted. What was written so far is kept.\n")
+    assert "Traceback" not in said
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert results["complete"] is False
+    assert 5 <= results["episodes"] == lines.read_bytes().count(b"\n") < results["wanted"] == 400
+    assert "of 400 episodes so far" in (tmp_path / "report.html").read_text()
 
 
 def test_sequences_are_measured_and_verified() -> None:
@@ -136,7 +156,24 @@ def test_help_names_the_other_forms() -> None:
     ],
     ids=lambda value: " ".join(value)[:40] if isinstance(value, tuple) else "",
 )
-def test_a_wrong_argument_is_one_message(words: tuple[str, ...], message: str, tmp_path: Path) -> None:
+def test_a_wrong_argument_is_one_message(
+    words: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     (tmp_path / "file").write_text("")
-    assert message in refused("bench", *words, cwd=tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", *words]) == 2
+    out, said = capsys.readouterr()
+    assert (out, said.count("\n")) == ("", 1)
+    assert said.startswith("error: ")
+    assert message in said
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
+def test_modules_of_a_verb_are_its_other_forms() -> None:
+    assert "sequence" in subverbs("bench")
+    assert subverbs("bench")["sequence"]().Arguments.__name__ == "Arguments"
+    assert subverbs("plan") == {}

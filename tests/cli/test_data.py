@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tamp.cli import main
 from tests.cli.test_cli import REPOSITORY, answer, bipre, refused
 
 COLLECT = ("collect", "--categories", "Bottle", "--successes", "2", "--failures", "1", "--workers", "1")
@@ -117,9 +118,20 @@ def test_without_h5py_the_pip_line_is_told(words: tuple[str, ...], tmp_path: Pat
     ],
     ids=lambda value: " ".join(value)[-40:] if isinstance(value, tuple) else "",
 )
-def test_a_wrong_argument_is_one_message(words: tuple[str, ...], message: str, tmp_path: Path) -> None:
+def test_a_wrong_argument_is_one_message(
+    words: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     pytest.importorskip("h5py", reason="the extra `data` is not installed")
-    assert message in refused(*words, cwd=tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert main(list(words)) == 2
+    out, said = capsys.readouterr()
+    assert (out, said.count("\n")) == ("", 1)
+    assert said.startswith("error: ")
+    assert message in said
     assert list(tmp_path.iterdir()) == []
 
 
