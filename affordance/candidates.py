@@ -11,7 +11,9 @@ import pinocchio as pin
 from robots.spatial import Array, frozen, points
 from robots.workcell import Side, Workcell
 
-OperationKind = Literal["pull", "unscrew", "press", "flip"]
+OperationKind = Literal["pull", "unscrew", "press", "flip", "grasp", "receive"]
+"""What is done at the goal: ``flip`` turns a lid about its hinge, ``grasp`` takes the object and lifts it, ``receive`` is
+a human's grip."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +63,9 @@ class GoalCandidate:
         kind: What is done there.
         T_world_hand: Hand pose at contact.
         opening: Opening of one finger while approaching [m]; 0 presses with closed fingers.
-        direction: Unit vector ``(3,)`` in the world frame: pull and press - the motion of the hand; unscrew - the
-            axis about which it turns, right-handed.
-        point: A point ``(3,)`` of the line of motion or of the turning axis [m].
+        direction: Unit vector ``(3,)`` in the world frame: pull, press, grasp and receive - the motion of the hand;
+            unscrew and flip - the axis about which it turns, right-handed.
+        point: A point ``(3,)`` of the line of motion or of the turning axis [m]; grasp: where the pads close.
         amount: Motion commanded [m] or [rad].
         outward: Unit vector ``(3,)`` in the world frame from the part towards free space: the way the part must face
             to be exposed.
@@ -119,6 +121,35 @@ class PoseCandidate:
         object.__setattr__(self, "T_move", self.T_move.copy())
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ContactCandidate:
+    """Where the assistant pushes or presses, without holding.
+
+    Attributes:
+        T_world_hand: Hand pose at which the fingers meet the object.
+        opening: Opening of one finger [m]; 0 touches with closed fingers.
+        travel: How the hand moves from there on, in a straight line ``(3,)`` [m].
+        T_move: How the object is expected to move meanwhile, in the world frame.
+        score: Higher is better.
+        start: From where the hand comes to the contact, relative to it ``(3,)`` [m]: straight down onto it by default,
+            or from behind, the fingers low beside the object.
+    """
+
+    T_world_hand: pin.SE3
+    opening: float
+    travel: Array
+    T_move: pin.SE3
+    score: float
+    start: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_world_hand", self.T_world_hand.copy())
+        object.__setattr__(self, "T_move", self.T_move.copy())
+        object.__setattr__(self, "travel", frozen(self.travel))
+        if self.start is not None:
+            object.__setattr__(self, "start", frozen(self.start))
+
+
 class Proposer(Protocol):
     """Anything that yields ranked candidates. Lists are best first and may be empty; ``rng`` decides every draw."""
 
@@ -136,6 +167,17 @@ class Proposer(Protocol):
         self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, roles: Roles, rng: np.random.Generator
     ) -> list[PoseCandidate]:
         """Where the object could be brought for the goal action."""
+
+    def push(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[ContactCandidate]:
+        """How the assistant could push the object so that it reaches over the table's edge."""
+
+    def press(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[ContactCandidate]:
+        """How the assistant could press the object down on one side so that the other rises."""
+
+    def present(
+        self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, rng: np.random.Generator
+    ) -> list[PoseCandidate]:
+        """Where the object could be brought for a human to take it."""
 
     def reorient(self, grasp: PregraspCandidate, pose: PoseCandidate) -> pin.SE3:
         """``T_world_hand`` of the assistant's hand once the object is there."""

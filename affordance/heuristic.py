@@ -12,10 +12,21 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from affordance.candidates import GoalCandidate, PoseCandidate, PregraspCandidate, Roles, SceneView
+from affordance.candidates import (
+    ContactCandidate,
+    GoalCandidate,
+    PoseCandidate,
+    PregraspCandidate,
+    Roles,
+    SceneView,
+)
+from affordance.grip import grip_at
+from affordance.preparing import Body, edge_grasps, near_edge, presses, pushes, rim_grasps
 from robots.spatial import Array, hand_rotation, perpendicular, points, rotation_about, unit
 from robots.workcell import Gripper
+from worlds.assets.asset import FunctionalPart
 from worlds.labels import Truth
+from worlds.tasks import TaskType
 
 TILT = np.radians(10.0)
 """Largest deviation of the assistant's approach from straight down [rad]; the paper's value."""
@@ -44,6 +55,9 @@ PALM_ROOM = 0.036
 STOOP = np.radians(30.0)
 """Largest angle by which the hand points below the horizon when it grasps a standing object [rad]."""
 
+FINGER_THICK = 0.016
+"""How far a finger reaches outwards from its pad [m]."""
+
 UPRIGHT = 0.8
 """The object counts as standing when the vertical part of its long axis exceeds this."""
 
@@ -53,10 +67,12 @@ class HeuristicProposer:
     """The paper's rules on the true pose and parts of one object.
 
     Attributes:
+        task: What is done with the object.
         truth: Privileged knowledge at the time of the observation.
         gripper: The gripper both arms carry.
     """
 
+    task: TaskType
     truth: Truth
     gripper: Gripper
 
@@ -68,11 +84,40 @@ class HeuristicProposer:
     # -- goal ------------------------------------------------------------------------------------------------------
 
     def goal(self, view: SceneView, rng: np.random.Generator) -> list[GoalCandidate]:
+        """Candidates for what the primary does, by task: operate the part, grasp an edge, or take it as a human would."""
+        match self.task:
+            case "edge_push":
+                return edge_grasps(self._body(view), near_edge(view.workcell.table), self.gripper, rng)
+            case "plate_lift":
+                return rim_grasps(self._body(view), self.gripper, rng)
+            case "handover":
+                return [self._receive(view)]
+            case "articulated":
+                return self._operations(view, rng)
+
+    def _body(self, view: SceneView) -> Body:
+        """The true surface where the view has the object."""
+        T = view.T_move * self.truth.T_world_body
+        return Body(points(T, self.truth.surface), self.truth.normals @ T.rotation.T, T.act(self.truth.centre))
+
+    def _part(self) -> FunctionalPart:
+        if self.truth.part is None:
+            raise ValueError("the object has no functional part")
+        return self.truth.part
+
+    def _receive(self, view: SceneView) -> GoalCandidate:
+        """A human takes the object with its functional part first."""
+        part, T_world_body = self._part(), view.T_move * self.truth.T_world_body
+        outward, point = T_world_body.rotation @ part.outward, T_world_body.act(part.point)
+        R = hand_rotation(-outward, perpendicular(outward))
+        T_world_hand = pin.SE3(R, point + self.gripper.tip_offset * outward)
+        return GoalCandidate("receive", T_world_hand, self.gripper.finger_travel, outward, point, 0.0, outward, 1.0)
+
+    def _operations(self, view: SceneView, rng: np.random.Generator) -> list[GoalCandidate]:
         """Candidates on the movable link, approaching along the functional direction, turned about it at random."""
         T_world_body = view.T_move * self.truth.T_world_body
-        part = self.truth.part
-        axis = T_world_body.rotation @ part.axis
-        outward = -axis if part.kind == "press" else axis
+        part = self._part()
+        outward = T_world_body.rotation @ part.outward
         first = rng.uniform(0.0, 2 * np.pi)
         rolls = first + 2 * np.pi * np.arange(ROLLS) / ROLLS
         found = [
@@ -85,7 +130,7 @@ class HeuristicProposer:
         return sorted(kept, key=lambda candidate: -candidate.score)
 
     def _press(self, T_world_body: pin.SE3, outward: Array, roll: float) -> GoalCandidate:
-        part = self.truth.part
+        part = self._part()
         point = T_world_body.act(part.point)
         R = hand_rotation(-outward, rotation_about(outward, roll) @ perpendicular(outward))
         travel = part.travel * (part.lever or 1.0)
@@ -102,10 +147,13 @@ class HeuristicProposer:
         )
 
     def _grasp_part(self, T_world_body: pin.SE3, outward: Array, roll: float) -> GoalCandidate | None:
-        part = self.truth.part
+        part = self._part()
         vertices = points(T_world_body, self.truth.part_vertices)
-        origin = T_world_body.act(part.point)
+        hinge = T_world_body.act(part.point)
+        origin = hinge if part.kind != "flip" else 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
         opening_axis = rotation_about(outward, roll) @ perpendicular(outward)
+        if part.kind == "flip":  # the fingers turn with the lid about the hinge, so they open along it
+            opening_axis = T_world_body.rotation @ part.axis * np.sign(np.cos(roll) or 1.0)
         across = np.cross(outward, opening_axis)
         along = (vertices - origin) @ outward
         tip = max(along.min() + SHOULDER_GAP, along.max() - 2 * PAD_HALF)
@@ -122,16 +170,16 @@ class HeuristicProposer:
             kind=part.kind,
             T_world_hand=pin.SE3(hand_rotation(-outward, opening_axis), centre + outward * self.gripper.tip_offset),
             opening=min(self.gripper.finger_travel, half + 0.010),
-            direction=outward,
-            point=origin,
+            direction=T_world_body.rotation @ part.axis,
+            point=hinge,
             amount=self._amount(),
             outward=outward,
             score=1.0 - width,
         )
 
     def _amount(self) -> float:
-        part = self.truth.part
-        if part.kind == "unscrew":
+        part = self._part()
+        if part.kind in ("unscrew", "flip"):
             return min(part.travel, 1.3 * part.threshold)
         return min(0.95 * part.travel, part.threshold + 0.010)
 
@@ -144,8 +192,46 @@ class HeuristicProposer:
         if len(fixed) == 0:
             return []
         propose = self._standing if abs(axis[2]) > UPRIGHT else self._lying
-        found = [propose(view, fixed, axis, goal, rng) for _ in range(24)]
-        return sorted((c for c in found if c is not None), key=lambda c: -c.score)
+        found = [c for c in (propose(view, fixed, axis, goal, rng) for _ in range(24)) if c is not None]
+        apart = [c for c in found if not self._takes_part(c)]
+        if not apart:
+            apart = self._beside(view, axis, goal, rng)
+        return sorted(apart, key=lambda c: -c.score)
+
+    def _takes_part(self, candidate: PregraspCandidate) -> bool:
+        """Whether the functional part lies between the open fingers or in their way."""
+        spots = points(self.truth.T_world_body, self.truth.surface[self.truth.on_part])
+        seen = points(candidate.T_world_hand.inverse(), spots)
+        wide = candidate.opening + FINGER_THICK
+        inside = (np.abs(seen[:, 0]) < PAD_HALF) & (np.abs(seen[:, 1]) < wide)
+        return bool((inside & (seen[:, 2] > 0.06) & (seen[:, 2] < self.gripper.tip_offset)).any())
+
+    def _beside(
+        self, view: SceneView, axis: Array, goal: GoalCandidate, rng: np.random.Generator
+    ) -> list[PregraspCandidate]:
+        """Grasps from above of a fixed link that has the part beside it: the fingers open just wide enough."""
+        T = self.truth.T_world_body
+        surface = points(T, self.truth.surface)
+        fixed = surface[~self.truth.on_part]
+        flat = unit([axis[0], axis[1], 0.0]) if np.hypot(axis[0], axis[1]) > 0.2 else np.array([1.0, 0.0, 0.0])
+        centre, lowest = T.act(self.truth.centre), view.workcell.table.top + TABLE_GAP
+        found = []
+        for _ in range(160):
+            spot = fixed[rng.integers(len(fixed))]
+            across = rotation_about([0.0, 0.0, 1.0], rng.normal(0.0, 0.25)) @ np.cross([0.0, 0.0, 1.0], flat)
+            approach = rotation_about(across, rng.uniform(-TILT, TILT)) @ np.array([0.0, 0.0, -1.0])
+            depth = min(GRASP_DEPTH, float(spot[2]) - lowest)
+            grip = grip_at(surface, spot, approach, across, depth, self.gripper) if depth > 0.002 else None
+            if grip is None or grip.cover < 0.1:
+                continue
+            low = grip.T_world_hand.act(np.array([0.0, 0.0, self.gripper.tip_offset]))[2]
+            raise_by = np.array([0.0, 0.0, max(0.0, lowest - float(low))])
+            T_world_hand = pin.SE3(grip.T_world_hand.rotation, grip.T_world_hand.translation + raise_by)
+            near = abs(float((spot - centre) @ flat))
+            candidate = PregraspCandidate(T_world_hand, grip.opening, grip.cover - 2.0 * near)
+            if not self._takes_part(candidate) and np.linalg.norm(goal.point - spot) > 0.03:
+                found.append(candidate)
+        return found
 
     def _lying(
         self, view: SceneView, fixed: Array, axis: Array, goal: GoalCandidate, rng: np.random.Generator
@@ -222,6 +308,38 @@ class HeuristicProposer:
             pivot = (goal.point + grasp.T_world_hand.act(np.array([0.0, 0.0, self.gripper.tcp_offset]))) / 2
             found.append(PoseCandidate(pin.SE3(R, target - R @ pivot), 1.0 - 0.01 * k))
         return found
+
+    def present(
+        self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, rng: np.random.Generator
+    ) -> list[PoseCandidate]:
+        """The functional part turned towards the human, inside the human's zone."""
+        human = view.workcell.human
+        if human is None:
+            return []
+        towards, zone = unit(human.towards), np.asarray(human.zone_centre)
+        found = []
+        for k in range(24):
+            spread = min(1.0, k / 8)
+            yaw, pitch = rng.normal(0.0, 0.2) * (0.3 + spread), rng.normal(0.0, 0.15) * (0.3 + spread)
+            level = rotation_about([0.0, 0.0, 1.0], yaw) @ towards
+            facing = np.cos(pitch) * level + np.sin(pitch) * np.array([0.0, 0.0, 1.0])
+            R = rotation_about(facing, rng.choice([0.0, 0.5, -0.5, 1.0, -1.0])) @ _turn(goal.outward, facing)
+            target = zone + rng.uniform(-0.35, 0.35, 3) * np.asarray(human.zone_size)
+            found.append(PoseCandidate(pin.SE3(R, target - R @ goal.point), 1.0 - 0.01 * k))
+        return found
+
+    # -- contacts without a grasp ----------------------------------------------------------------------------------
+
+    def push(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[ContactCandidate]:
+        """One straight push towards the near edge."""
+        return pushes(self._body(view), near_edge(view.workcell.table), self.gripper, rng)
+
+    def press(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[ContactCandidate]:
+        """Presses on the outer edge; those opposite to the goal first."""
+        body = self._body(view)
+        found = presses(body, self.gripper, view.workcell.table.top, rng)
+        away = unit([*(body.centre - goal.point)[:2], 0.0])
+        return sorted(found, key=lambda c: -float((c.T_world_hand.translation - body.centre) @ away))
 
     def reorient(self, grasp: PregraspCandidate, pose: PoseCandidate) -> pin.SE3:
         """The held hand follows the object rigidly: ``T_grp' = T_obj' T_obj^-1 T_grp``."""

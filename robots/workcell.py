@@ -128,6 +128,21 @@ class Camera(Described, frozen=True, kw_only=True):
     """Vertical field of view [deg]."""
 
 
+class Human(Described, frozen=True, kw_only=True):
+    """Where a human takes objects from the arms."""
+
+    zone_centre: Vec3
+    """Middle of the reach zone in the world frame [m]."""
+    zone_size: tuple[Positive, Positive, Positive]
+    """Full extents of the reach zone along x, y and z [m]."""
+    towards: Vec3
+    """Horizontal direction from the zone to the human."""
+
+    def __post_init__(self) -> None:
+        if self.towards[2] != 0.0 or math.hypot(*self.towards) < 1e-6:
+            raise ValueError(f"human.towards {self.towards} is not a horizontal direction")
+
+
 class Workcell(Described, frozen=True, kw_only=True):
     """Everything in the cell that does not change between episodes."""
 
@@ -140,6 +155,8 @@ class Workcell(Described, frozen=True, kw_only=True):
     shared: Vec3
     """Middle of the space where both arms work on a held object [m]; objects start on the table below it."""
     cameras: Annotated[tuple[Camera, ...], Meta(min_length=1)]
+    human: Human | None = None
+    """Where a human stands; needed for handovers only."""
 
     def __post_init__(self) -> None:
         for side in SIDES:
@@ -213,7 +230,7 @@ def _near_key(message: str) -> str:
     given = message.split("`")[1]
     known = {
         field
-        for part in (Workcell, Arms, ArmPlacement, ArmModel, Gripper, Table, Camera)
+        for part in (Workcell, Arms, ArmPlacement, ArmModel, Gripper, Table, Camera, Human)
         for field in part.__struct_fields__
     }
     near = difflib.get_close_matches(given, known, n=1)

@@ -1,61 +1,52 @@
-"""How one episode runs from a request to a run folder: build, observe, propose, refine, save, execute, report."""
+"""How one episode runs from a request to a run folder: build, observe, search, save, execute, report."""
 
 from __future__ import annotations
 
-import shutil
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import msgspec
-import numpy as np
-import pinocchio as pin
 from msgspec import Struct
 
-from affordance.candidates import Proposer, SceneView
+from affordance.candidates import Proposer
 from affordance.heuristic import HeuristicProposer
-from planners.collision import CollisionWorld
-from planners.hulls import observed_hulls
+from affordance.uniform import UniformProposer
 from robots.cache import write_atomic
 from robots.errors import BadInput, BadRunFolder, UnknownName
 from robots.model import DualArm
-from robots.spatial import pose
-from robots.workcell import SIDES, Workcell, load_workcell
+from robots.spatial import from_list
+from robots.workcell import Workcell, load_workcell
+from tamp import folder as run_folder
 from tamp import plan as plan_file
 from tamp import trace as trace_file
-from tamp.execute import Camera, Checked, Outcome, execute
-from tamp.plan import AssetReference, Operation, Plan, Role, StageName
-from tamp.refine import Budget, Search, Solved, Unsolved, order
-from tamp.skeletons import roles_of, skeletons
-from tamp.stages import StageChecker
-from tamp.timeline import Timeline
-from tamp.trace import Failure, Trace, TraceStatus
+from tamp.deploy import closed_loop
+from tamp.execute import Camera, Checked, Moment, Outcome, execute
+from tamp.folder import OUTCOME_FILE
+from tamp.plan import Plan, Role, StageName
+from tamp.refine import ONE_SHOT, Budget
+from tamp.rounds import SILENT, Round, Subject, Watch
+from tamp.trace import Failure, TraceStatus
 from worlds import observe, scene
 from worlds.assets import library
 from worlds.assets.asset import Asset, Split
 from worlds.bullet.world import BulletWorld
 from worlds.labels import truth
 from worlds.observe import Observation
-from worlds.tasks import task_of
+from worlds.tasks import Task, task_of
 
-PROPOSERS = ("heuristic",)
+PROPOSERS = ("heuristic", "uniform")
 
 MIN_POINTS = 50
 """Observed points with which planning begins."""
 
-OUTCOME_FILE = "outcome.json"
-OWN_FILES = (
-    plan_file.PLAN_FILE,
-    trace_file.TRACE_FILE,
-    observe.OBSERVATION_FILE,
-    OUTCOME_FILE,
-    "plan.html",
-    "execution.mp4",
-    "execution.png",
-)
-
 Status = Literal["success", "planned", "no_plan", "execution_failed"]
+
+Mode = Literal["E1", "E2", "E3"]
+"""E1: the best candidate of each stage and no other (the paper's deployment rule). E2: resampling. E3: closed loop."""
 
 
 class Request(Struct, frozen=True, kw_only=True):
@@ -63,7 +54,7 @@ class Request(Struct, frozen=True, kw_only=True):
 
     category: str
     asset: str = "synthetic"
-    """``synthetic`` or ``partnet:DIR``."""
+    """``synthetic``, ``partnet:DIR`` or ``mesh:DIR``."""
     instance: str | None = None
     """Instance name; ``None`` lets the seed choose."""
     split: Split | None = None
@@ -72,11 +63,16 @@ class Request(Struct, frozen=True, kw_only=True):
     workcell: str = "panda_pair"
     """Shipped name or TOML file."""
     execute: bool = True
+    mode: Mode = "E2"
+    max_pushes: int = 3
+    """How often the object may be pushed."""
     timeout: float = 60.0
     """Wall time for the search [s]."""
     out: Path | None = None
     """Run folder; ``None`` makes one under ``runs/``."""
     video: bool = False
+    page: bool = True
+    """Whether ``plan.html`` is written."""
 
 
 class StageReport(Struct, frozen=True, kw_only=True):
@@ -99,10 +95,13 @@ class Report(Struct, frozen=True, kw_only=True):
     instance: str
     seed: int
     proposer: str
+    mode: Mode
     plan_seconds: float
-    """Wall time from the observation to the saved plan [s]."""
+    """Wall time from the observation to the saved plan, over all rounds [s]."""
     execute_seconds: float | None
     """Wall time of the execution [s]."""
+    rounds: int
+    """How often it looked and planned."""
     stages: list[StageReport]
     failure: Failure | None
     run_dir: str
@@ -112,27 +111,66 @@ class Report(Struct, frozen=True, kw_only=True):
     """What each stage's monitor said."""
 
 
-class Watch(Protocol):
-    """Something that shows progress."""
+@dataclass
+class Episode:
+    """An episode in progress, and what is known of it at its end.
 
-    def begin(self, phase: str) -> None:
-        """A phase begins: ``world``, ``observe``, ``plan``, ``execute`` or ``write``."""
+    Attributes:
+        request: What was asked for.
+        task: The column.
+        asset: The object.
+        folder: The run folder.
+        rounds: One for each time it looked.
+        outcome: How the last execution went.
+    """
 
-    def note(self, text: str) -> None:
-        """Something worth a line happened."""
+    request: Request
+    task: Task
+    asset: Asset
+    folder: Path
+    rounds: list[Round] = field(default_factory=list)
+    outcome: Outcome | None = None
+    plan_seconds: float = 0.0
+    execute_seconds: float = 0.0
 
+    @property
+    def last(self) -> Round:
+        """The latest round."""
+        return self.rounds[-1]
 
-class Silent:
-    """A watch that shows nothing."""
+    def failure(self) -> Failure | None:
+        """Why it was not solved."""
+        if self.last.plan is None:
+            return self.last.no_plan()
+        return None if self.outcome is None else self.outcome.failure
 
-    def begin(self, phase: str) -> None:
-        """Ignore it."""
+    def status(self) -> Status:
+        """How it ended."""
+        if self.last.plan is None:
+            return "no_plan"
+        if self.outcome is None:
+            return "planned"
+        return "success" if self.outcome.success else "execution_failed"
 
-    def note(self, text: str) -> None:
-        """Ignore it."""
+    def save_trace(self, status: TraceStatus) -> None:
+        """Write what was tried until now."""
+        if self.rounds:
+            failure = None if status == "interrupted" else self.failure()
+            self.last.save_trace(status, self.plan_seconds, failure)
 
-
-SILENT = Silent()
+    def report(self) -> Report:
+        """The report of the present state."""
+        return _report(
+            self.last.plan,
+            self.outcome,
+            self.failure(),
+            self.request,
+            self.asset.instance,
+            self.plan_seconds,
+            self.execute_seconds,
+            len(self.rounds),
+            self.folder,
+        )
 
 
 def plan_episode(request: Request, watch: Watch = SILENT) -> Report:
@@ -143,126 +181,101 @@ def plan_episode(request: Request, watch: Watch = SILENT) -> Report:
     Raises:
         BadInput: Something in the request cannot be used; nothing has been written then.
     """
-    task_of(request.category)
-    if request.proposer not in PROPOSERS:
-        raise UnknownName("proposer", request.proposer, PROPOSERS)
-    if request.video:
-        from tamp.view.video import require_video
-
-        require_video()
-    workcell = load_workcell(request.workcell)
-    watch.begin("world")
-    asset = _asset(request)
-    with scene.build(workcell, asset, request.seed) as world:
-        watch.begin("observe")
-        observation = observe.observe(world)
-        if (seen := len(observation.cloud)) < MIN_POINTS:
-            raise BadInput(f"The cameras see {seen} points of {asset.instance}; {MIN_POINTS} are needed.")
-        folder = prepared_folder(request, asset)
-        observe.save(observation, folder)
-        episode = _Episode(request, workcell, asset, observation, folder)
+    with opened(request, watch) as (episode, world, subject):
         try:
-            episode.run(world, watch)
+            run(episode, world, subject, watch)
         except KeyboardInterrupt:
             episode.save_trace("interrupted")
             raise
     watch.begin("write")
-    return episode.write()
+    return write(episode)
 
 
-@dataclass
-class _Episode:
-    """One episode in progress, so that whatever ends it can save what there is."""
+@contextmanager
+def opened(request: Request, watch: Watch = SILENT) -> Iterator[tuple[Episode, BulletWorld, Subject]]:
+    """The world of an episode and an empty run folder, after everything in the request was found usable."""
+    task = _checked(request)
+    workcell = load_workcell(request.workcell)
+    if task.type == "handover" and workcell.human is None:
+        raise BadInput(f"{task.category} needs a workcell with a [human] table; {workcell.name} has none.")
+    watch.begin("world")
+    asset = _asset(request, task)
+    with scene.build(workcell, asset, request.seed) as world:
+        watch.begin("observe")
+        observation = looked(world)
+        source = asset.source.partition(":")[0]
+        name = f"{request.category}-{source}-{asset.instance}-seed{request.seed}"
+        folder = run_folder.prepared(request.out, name)
+        observe.save(observation, folder)
+        subject = subject_of(request, task, workcell, asset)
+        episode = Episode(request, task, asset, folder)
+        episode.rounds.append(Round(subject, observation, folder))
+        yield episode, world, subject
 
-    request: Request
-    workcell: Workcell
-    asset: Asset
-    observation: Observation
-    folder: Path
-    plan: Plan | None = None
-    search: Search | None = None
-    unsolved: Unsolved | None = None
-    outcome: Outcome | None = None
-    plan_seconds: float = 0.0
-    execute_seconds: float = 0.0
 
-    def run(self, world: BulletWorld, watch: Watch) -> None:
-        """Search, save the plan, execute it."""
-        watch.begin("plan")
-        arms, started = DualArm(self.workcell), time.perf_counter()
-        T_world_object = pose(np.round(self.observation.cloud.mean(axis=0), 9))
-        view = SceneView(self.workcell, self.observation.cloud, pin.SE3.Identity(), np.zeros((0, 3)))
-        self.search = _search(self.request, view, arms, T_world_object, self._proposer(world))
-        first = self.search.proposer.goal(view, np.random.default_rng(self.request.seed))
-        result = self.search.run(order(skeletons(), view, first[0] if first else None))
-        if isinstance(result, Solved):
-            self.plan = _as_plan(self.request, self.workcell, self.asset, self.observation, T_world_object, result)
-            plan_file.save(self.plan, self.folder)
+def subject_of(request: Request, task: Task, workcell: Workcell, asset: Asset) -> Subject:
+    """What an episode is about."""
+    budget = ONE_SHOT if request.mode == "E1" else Budget()
+    budget = replace(budget, seconds=request.timeout)
+    arms, pushes = DualArm(workcell), 1 if request.mode == "E1" else request.max_pushes
+    return Subject(task, workcell, arms, asset, request.seed, request.proposer, budget, pushes)
+
+
+def run(
+    episode: Episode, world: BulletWorld, subject: Subject, watch: Watch = SILENT, moment: Moment | None = None
+) -> None:
+    """Search, save the plan, execute it; in a closed loop, look again and go on."""
+    request, first = episode.request, episode.last
+    watch.begin("plan")
+    started = time.perf_counter()
+    first.seek(proposer_of(request.proposer, subject, world, first.observation))
+    episode.plan_seconds = time.perf_counter() - started
+    if first.plan is None or not request.execute:
+        return
+    watch.begin("execute")
+    started = time.perf_counter()
+    with _recorder(world, episode.folder / "execution.mp4", request.video) as camera:
+        if request.mode == "E3":
+
+            def proposer(observation: Observation) -> Proposer:
+                return proposer_of(request.proposer, subject, world, observation)
+
+            spent = closed_loop(episode.rounds, world, proposer, looked, watch, camera)
+            episode.outcome, episode.plan_seconds = spent.outcome, episode.plan_seconds + spent.plan_seconds
+            started += spent.plan_seconds
         else:
-            self.unsolved = result
-        self.plan_seconds = time.perf_counter() - started
-        if self.plan is not None and self.request.execute:
-            watch.begin("execute")
-            started = time.perf_counter()
-            self.outcome = _execute(self.plan, world, arms, self.folder, self.request.video)
-            self.execute_seconds = time.perf_counter() - started
+            episode.outcome = execute(first.plan, world, subject.arms, subject.task, camera, moment=moment)
+    episode.execute_seconds = time.perf_counter() - started
 
-    def _proposer(self, world: BulletWorld) -> Proposer:
-        """The proposer asked for; only the heuristic one may look at the world."""
-        return HeuristicProposer(truth(world, self.observation), self.workcell.arm("left").gripper)
 
-    def save_trace(self, status: TraceStatus) -> Trace:
-        """Write what was tried until now."""
-        tried = [] if self.search is None else self.search.tried
-        trace = Trace(
-            category=self.asset.category,
-            instance=self.asset.instance,
-            seed=self.request.seed,
-            proposer=self.request.proposer,
-            skeletons=[[str(stage) for stage in skeleton] for skeleton in tried],
-            rejections=[] if self.search is None else self.search.rejections,
-            chosen=len(tried) - 1 if self.plan is not None else None,
-            plan_seconds=round(self.plan_seconds, 3),
-            status=status,
-            failure=self.failure() if status != "interrupted" else None,
-        )
-        trace_file.save(trace, self.folder)
-        return trace
+def looked(world: BulletWorld) -> Observation:
+    """An observation with enough points to plan with; ``BadInput`` when there are too few."""
+    observation = observe.observe(world)
+    if (seen := len(observation.cloud)) < MIN_POINTS:
+        raise BadInput(f"The cameras see {seen} points of {world.asset.instance}; {MIN_POINTS} are needed.")
+    return observation
 
-    def failure(self) -> Failure | None:
-        """Why it was not solved."""
-        if self.plan is not None:
-            return None if self.outcome is None else self.outcome.failure
-        rejections = [] if self.search is None else self.search.rejections
-        if not rejections:
-            limit = self.request.timeout
-            return Failure(stage="pregrasp", reason="budget", detail=f"no candidate was finished within {limit:g} s")
-        found = trace_file.dominant(rejections)
-        if self.unsolved is not None and self.unsolved.timed_out:
-            late = f"{found.detail} (the search ended at its limit of {self.request.timeout:g} s)"
-            return Failure(stage=found.stage, reason=found.reason, detail=late)
-        return found
 
-    def write(self) -> Report:
-        """Write the rest of the run folder and report."""
-        trace = self.save_trace(_status(self.plan, self.outcome))
-        if self.plan is not None:
-            from tamp.view.html import write_html
+def proposer_of(name: str, subject: Subject, world: BulletWorld, observation: Observation) -> Proposer:
+    """The proposer of a name; only the heuristic one may look at the world."""
+    gripper = subject.workcell.arm("left").gripper
+    if name == "heuristic":
+        return HeuristicProposer(subject.task.type, truth(world, observation), gripper)
+    return UniformProposer(subject.task.type, gripper)
 
-            write_html(self.plan, self.observation.cloud, self.observation.colours, self.folder, trace)
-        report = _report(
-            self.plan,
-            self.outcome,
-            trace.failure,
-            self.asset,
-            self.request.seed,
-            self.request.proposer,
-            self.plan_seconds,
-            self.execute_seconds,
-            self.folder,
-        )
-        write_atomic(self.folder / OUTCOME_FILE, msgspec.json.format(msgspec.json.encode(report), indent=1))
-        return report
+
+def write(episode: Episode) -> Report:
+    """Write the rest of the run folder and report."""
+    episode.save_trace(episode.status())
+    last = episode.last
+    if last.plan is not None and episode.request.page:
+        from tamp.view.html import write_html
+
+        trace = trace_file.load(last.folder)
+        write_html(last.plan, last.observation.cloud, last.observation.colours, last.folder, trace)
+    report = episode.report()
+    write_atomic(episode.folder / OUTCOME_FILE, msgspec.json.format(msgspec.json.encode(report), indent=1))
+    return report
 
 
 def run_again(folder: Path, *, video: bool = False, watch: Watch = SILENT) -> Report:
@@ -280,132 +293,79 @@ def run_again(folder: Path, *, video: bool = False, watch: Watch = SILENT) -> Re
             f"({plan.asset.content_hash} then, {asset.content_hash} now). Plan again."
         )
     with scene.build(plan.workcell, asset, plan.seed) as world:
+        if plan.T_world_body is not None:
+            world.put_object(from_list(plan.T_world_body))
         watch.begin("execute")
         executing = time.perf_counter()
-        outcome = _execute(plan, world, DualArm(plan.workcell), folder, video)
+        with _recorder(world, folder / "execution.mp4", video) as camera:
+            outcome = execute(plan, world, DualArm(plan.workcell), task_of(plan.category), camera)
         spent = time.perf_counter() - executing
     planned = trace_file.load(folder).plan_seconds if (folder / trace_file.TRACE_FILE).is_file() else 0.0
-    return _report(plan, outcome, outcome.failure, asset, plan.seed, plan.proposer, planned, spent, folder)
+    request = Request(category=plan.category, seed=plan.seed, proposer=plan.proposer)
+    return _report(plan, outcome, outcome.failure, request, asset.instance, planned, spent, 1, folder)
 
 
-def prepared_folder(request: Request, asset: Asset) -> Path:
-    """The run folder, empty of an earlier run's files.
+def _checked(request: Request) -> Task:
+    """The task, after refusing what cannot work."""
+    task = task_of(request.category)
+    if request.proposer not in PROPOSERS:
+        raise UnknownName("proposer", request.proposer, PROPOSERS)
+    if request.max_pushes < 1:
+        raise BadInput(f"--max-pushes {request.max_pushes} is too few; give 1 or more.")
+    if request.video:
+        from tamp.view.video import require_video
 
-    Raises:
-        BadRunFolder: The path is a file, or a folder that holds something else.
-    """
-    source = asset.source.partition(":")[0]
-    default = Path("runs") / f"{asset.category}-{source}-{asset.instance}-seed{request.seed}"
-    folder = request.out or default
-    if folder.exists() and not folder.is_dir():
-        raise BadRunFolder(f"--out {folder} is a file; give a folder.")
-    foreign = sorted(entry.name for entry in folder.iterdir() if entry.name not in OWN_FILES) if folder.is_dir() else []
-    if foreign:
-        raise BadRunFolder(f"--out {folder} holds files of something else ({foreign[0]}); give a new or empty folder.")
-    try:
-        if folder.is_dir():
-            shutil.rmtree(folder)
-        folder.mkdir(parents=True)
-    except OSError as error:
-        raise BadRunFolder(f"Run folder {folder} cannot be made: {error.strerror}.") from error
-    return folder
+        require_video()
+    return task
 
 
-def _asset(request: Request) -> Asset:
+def _asset(request: Request, task: Task) -> Asset:
     if request.instance is None:
-        return library.choose(request.asset, request.category, request.split, request.seed)
-    return library.load(request.asset, request.category, request.instance)
+        return library.choose(request.asset, task.objects, request.split, request.seed)
+    return library.load(request.asset, task.objects, request.instance)
 
 
-def _search(request: Request, view: SceneView, arms: DualArm, T_world_object: pin.SE3, proposer: Proposer) -> Search:
-    """A search that knows the observation, the workcell and what the proposer says, and nothing else."""
-    workcell, collisions = view.workcell, CollisionWorld(view.workcell)
-    hulls = observed_hulls(view.cloud, workcell.table.top)
-    collisions.set_object([hull - T_world_object.translation for hull in hulls])
-    checker = StageChecker(workcell, arms, collisions, view.cloud - T_world_object.translation, T_world_object)
-    timeline = Timeline(workcell, arms, checker)
-    return Search(workcell, proposer, checker, timeline, view, request.seed, Budget(seconds=request.timeout))
-
-
-def _as_plan(
-    request: Request,
-    workcell: Workcell,
-    asset: Asset,
-    observation: Observation,
-    T_world_object: pin.SE3,
-    solved: Solved,
-) -> Plan:
-    roles = roles_of(solved.skeleton)
-    return Plan(
-        asset=AssetReference(
-            source=asset.source,
-            category=asset.category,
-            instance=asset.instance,
-            split=asset.split,
-            content_hash=asset.content_hash,
-        ),
-        instruction=task_of(asset.category).instruction,
-        seed=request.seed,
-        proposer=request.proposer,
-        workcell=workcell,
-        packages=plan_file.package_versions(),
-        observation_hash=observation.digest,
-        assistant=roles.assistant,
-        primary=roles.primary,
-        operation=Operation(kind=solved.goal.kind, amount=solved.goal.amount),
-        start={side: list(workcell.placement(side).home) for side in SIDES},
-        start_opening=workcell.arm("left").gripper.finger_travel,
-        T_world_object=plan_file.matrix(T_world_object),
-        skeleton=[str(stage) for stage in solved.skeleton],
-        stages=solved.stages.stages,
-    )
-
-
-def _execute(plan: Plan, world: BulletWorld, arms: DualArm, folder: Path, video: bool) -> Outcome:
-    task = task_of(plan.asset.category)
+@contextmanager
+def _recorder(world: BulletWorld, path: Path, video: bool) -> Iterator[Camera | None]:
     if not video:
-        return execute(plan, world, arms, task)
+        yield None
+        return
     from tamp.view.video import Recorder
 
-    with Recorder(world, folder / "execution.mp4") as recorder:
-        camera: Camera = recorder
-        return execute(plan, world, arms, task, camera)
-
-
-def _status(plan: Plan | None, outcome: Outcome | None) -> Status:
-    if plan is None:
-        return "no_plan"
-    if outcome is None:
-        return "planned"
-    return "success" if outcome.success else "execution_failed"
+    with Recorder(world, path) as recorder:
+        yield recorder
 
 
 def _report(
     plan: Plan | None,
     outcome: Outcome | None,
     failure: Failure | None,
-    asset: Asset,
-    seed: int,
-    proposer: str,
+    request: Request,
+    instance: str,
     seconds: float,
     spent: float,
+    rounds: int,
     folder: Path,
 ) -> Report:
-    stages = [] if plan is None else plan.stages
+    status: Status = "no_plan"
+    if plan is not None:
+        status = "planned" if outcome is None else "success" if outcome.success else "execution_failed"
     return Report(
-        status=_status(plan, outcome),
+        status=status,
         success=bool(outcome and outcome.success),
-        category=asset.category,
-        instance=asset.instance,
-        seed=seed,
-        proposer=proposer,
+        category=request.category,
+        instance=instance,
+        seed=request.seed,
+        proposer=request.proposer,
+        mode=request.mode,
         plan_seconds=round(seconds, 3),
         execute_seconds=None if outcome is None else round(spent, 3),
+        rounds=rounds,
         stages=[
             StageReport(
                 name=s.name, arm=s.arm, role=s.role, duration=round(s.duration, 3), candidates_tried=s.candidates_tried
             )
-            for s in stages
+            for s in ([] if plan is None else plan.stages)
         ],
         failure=failure,
         run_dir=str(folder),

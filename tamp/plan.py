@@ -16,16 +16,21 @@ from robots.errors import BadRunFolder
 from robots.spatial import from_list, to_list
 from robots.trajectory import Trajectory
 from robots.workcell import Side, Workcell
+from worlds.tasks import TaskType
 
 PLAN_FORMAT = "bipremanip-plan"
-PLAN_VERSION = 1
+PLAN_VERSION = 2
 PLAN_FILE = "plan.json"
 PACKAGES = ("pybullet", "ompl", "pin", "coal", "toppra", "numpy", "scipy", "trimesh")
 
-StageName = Literal["pregrasp", "lift", "reorient", "operate", "release", "retreat"]
+StageName = Literal[
+    "pregrasp", "lift", "reorient", "push", "press", "operate", "grasp", "present", "release", "retreat"
+]  # fmt: skip
 Role = Literal["assistant", "primary"]
-Template = Literal["free", "approach", "lift", "pull", "twist", "press", "retreat"]
-"""How a motion was made: ``free`` by sampling, ``twist`` about a line, the others along a straight line."""
+Template = Literal[
+    "free", "approach", "lift", "pull", "twist", "flip", "press", "descend", "drag", "retreat"
+]  # fmt: skip
+"""How a motion was made: ``free`` by sampling, ``twist`` and ``flip`` about a line, the others along a straight line."""
 
 Pair = tuple[str, str]
 """Two names that may touch, for example ``("left/panda_leftfinger", "object")``; order means nothing."""
@@ -50,6 +55,12 @@ class Motion(Saved, frozen=True, tag="motion", kw_only=True):
     """Knot joint velocities [rad/s]; the curve between knots is the cubic Hermite one."""
     allowed: list[Pair]
     """Contacts intended while it runs."""
+    holder: Side | None
+    """The hand with which the object moves; ``None`` while it stands on the table."""
+    guard: float | None = None
+    """Contact force at which the motion stops early [N]; ``None`` for none."""
+    force: float | None = None
+    """Force with which the hand presses on the object along the way, kept by raising or lowering it [N]."""
 
     @property
     def duration(self) -> float:
@@ -72,6 +83,21 @@ class Grip(Saved, frozen=True, tag="grip", kw_only=True):
     """Time given [s]."""
     allowed: list[Pair]
     """Contacts intended while it runs."""
+    holder: Side | None
+    """The hand that holds the object when it ends; ``None`` while it stands on the table."""
+
+
+class Await(Saved, frozen=True, tag="await", kw_only=True):
+    """The stage's arm keeps still until it feels a pull."""
+
+    force: float
+    """Pull at its wrist that ends the wait [N]."""
+    duration: float
+    """Longest wait [s]."""
+    allowed: list[Pair]
+    """Contacts intended while it runs."""
+    holder: Side | None
+    """The hand that holds the object."""
 
 
 class Stage(Saved, frozen=True, kw_only=True):
@@ -80,13 +106,13 @@ class Stage(Saved, frozen=True, kw_only=True):
     name: StageName
     arm: Side
     role: Role
-    steps: list[Motion | Grip]
+    steps: list[Motion | Grip | Await]
     candidates_tried: int
     """Candidates proposed for this stage up to and including the one used."""
     score: float
     """The proposer's score of the candidate used."""
     T_hand_object: Matrix | None
-    """Where the assistant's hand holds the object frame when the stage begins; ``None`` before the grasp."""
+    """Where the holding hand holds the object frame when the stage begins; ``None`` while no hand does."""
     T_world_object: Matrix
     """Where the object frame is expected when the stage ends, without the part's own motion."""
 
@@ -109,7 +135,7 @@ class AssetReference(Saved, frozen=True, kw_only=True):
 class Operation(Saved, frozen=True, kw_only=True):
     """What the primary arm does to the object, as the proposer saw it."""
 
-    kind: Literal["pull", "unscrew", "press", "flip"]
+    kind: Literal["pull", "unscrew", "press", "flip", "grasp", "receive"]
     amount: float
     """Commanded motion: along the line [m], or about the axis [rad]."""
 
@@ -123,6 +149,9 @@ class Plan(Saved, frozen=True, kw_only=True):
 
     format: str = PLAN_FORMAT
     version: int = PLAN_VERSION
+    category: str
+    """The column: which task is done with the object."""
+    task: TaskType
     asset: AssetReference
     instruction: str
     seed: int
@@ -139,6 +168,9 @@ class Plan(Saved, frozen=True, kw_only=True):
     """Opening of every finger at the beginning [m]."""
     T_world_object: Matrix
     """The object frame at the time of the observation."""
+    T_world_body: Matrix | None = None
+    """Where the simulator had the object's body when the plan was made after earlier stages; ``None`` for the scene as
+    the seed builds it. Recorded for the verifier and for running the plan again; no planner reads it."""
     skeleton: list[str]
     stages: list[Stage]
 
@@ -151,17 +183,6 @@ class Plan(Saved, frozen=True, kw_only=True):
 def matrix(T: pin.SE3) -> list[list[float]]:
     """A pose as the nested lists of a plan file, rounded to 1e-12 so that it prints alike everywhere."""
     return [[round(v, 12) + 0.0 for v in row] for row in to_list(T)]
-
-
-def motion(template: Template, trajectory: Trajectory, allowed: list[Pair]) -> Motion:
-    """A motion step of a trajectory."""
-    return Motion(
-        template=template,
-        times=trajectory.times.tolist(),
-        positions=trajectory.positions.tolist(),
-        velocities=trajectory.velocities.tolist(),
-        allowed=allowed,
-    )
 
 
 def package_versions() -> dict[str, str]:
@@ -208,6 +229,8 @@ def _check_shapes(plan: Plan, origin: str) -> None:
     where = "start"
     try:
         from_list(plan.T_world_object)
+        if plan.T_world_body is not None:
+            from_list(plan.T_world_body)
         for number, stage in enumerate(plan.stages):
             where = f"stage {number} ({stage.name})"
             from_list(stage.T_world_object)

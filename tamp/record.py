@@ -40,13 +40,23 @@ OUTCOME_OF_CAUSE: dict[str, Outcome] = {
     "budget": "timeout",
     "not_held": "grasp_lost",
     "slipped": "grasp_lost",
+    "dropped": "drop",
     "not_exposed": "reorient",
+    "not_presented": "reorient",
+    "not_tilted": "reorient",
+    "not_overhanging": "push_fall",
+    "fell": "push_fall",
+    "not_lifted": "grasp_lost",
+    "not_handed": "goal_miss",
     "not_moved": "goal_miss",
     "force": "goal_miss",
     "tracking": "goal_miss",
     "diverged": "goal_miss",
 }
 """The outcome that a cause of failure stands for; a cause that is not listed counts as ``goal_miss``."""
+
+HANDLED = frozenset({"dropped", "slipped", "not_held", "force", "not_moved"})
+"""Causes found while the object is handled, which in a push mean that it did not come to rest as it should."""
 
 CHECKS = ("ik", "collision", "path", "timing", "certificate")
 """The planner's checks of a candidate, in their order."""
@@ -72,7 +82,7 @@ def outcome_of(failure: Failure | None) -> Outcome:
     """The outcome of an episode that failed so, or did not."""
     if failure is None:
         return "ok"
-    if failure.stage == "push" and failure.reason not in CHECK_OF_CAUSE:  # type: ignore[comparison-overlap]
+    if failure.stage == "push" and failure.reason in HANDLED:
         return "push_fall"
     return OUTCOME_OF_CAUSE.get(failure.reason, "goal_miss")
 

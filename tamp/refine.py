@@ -3,39 +3,51 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from affordance.candidates import GoalCandidate, PoseCandidate, PregraspCandidate, Proposer, Roles, SceneView
-from robots.spatial import Array, points
-from robots.workcell import Side, Workcell
+from affordance.candidates import GoalCandidate, PoseCandidate, Proposer, Roles, SceneView
+from robots.workcell import Side
+from tamp.drafts import Draft, Reject, Situation
 from tamp.plan import StageName
-from tamp.skeletons import Skeleton, roles_of
-from tamp.stages import Exposure, Hold, Reject, StageChecker
+from tamp.skeletons import BoundStage, Skeleton, roles_of
+from tamp.stages.cell import Cell
+from tamp.stages.grasping import take
+from tamp.stages.holding import bring, hold, present
+from tamp.stages.operating import act
+from tamp.stages.pushing import press, push
 from tamp.timeline import StagePlans, Timeline
 from tamp.trace import Rejection
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """How many candidates of each stage are tried.
+    """How many candidates are tried.
 
     Attributes:
         goals: Anticipatory goals a skeleton.
-        grasps: Pre-grasps a goal.
-        poses: Object poses a pre-grasp.
-        finals: Final goals an object pose.
+        pregrasp, object_pose, goal, push, press, present: Candidates at each level, by the proposer's method.
+        skeletons: Skeletons.
         seconds: Wall time for the whole search [s]; reaching it ends the search without a plan.
     """
 
     goals: int = 2
-    grasps: int = 24
-    poses: int = 12
-    finals: int = 8
+    pregrasp: int = 24
+    object_pose: int = 12
+    goal: int = 8
+    push: int = 10
+    press: int = 10
+    present: int = 12
+    skeletons: int = 8
     seconds: float = 60.0
+
+
+ONE_SHOT = Budget(goals=1, pregrasp=1, object_pose=1, goal=1, push=1, press=1, present=1, skeletons=1)
+"""The paper's deployment rule: the best candidate of each stage, and no other when a check refuses it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,12 +59,14 @@ class Solved:
         skeleton: The stages.
         goal: The final goal candidate.
         stages: The stages made concrete.
+        drafts: What they were made of.
     """
 
     number: int
     skeleton: Skeleton
     goal: GoalCandidate
     stages: StagePlans
+    drafts: tuple[Draft, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +84,55 @@ class OutOfTime(Exception):
     """Internal: the budget's wall time is spent."""
 
 
-BackTo = StageName
-"""The stage whose next candidate is tried after a rejection."""
+@dataclass(frozen=True, slots=True)
+class Level:
+    """Stages that one candidate decides: a sampled one and those that follow from it.
+
+    Attributes:
+        stages: In order; the first has the sampler.
+        first: Number of the first in the skeleton.
+    """
+
+    stages: tuple[BoundStage, ...]
+    first: int
+
+    @property
+    def name(self) -> StageName:
+        """The sampled stage."""
+        return self.stages[0].operator.name
+
+    @property
+    def sampler(self) -> str:
+        """The proposer's method."""
+        return self.stages[0].operator.sampler
+
+    @property
+    def arm(self) -> Side:
+        """Who does the sampled stage."""
+        return self.stages[0].arm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Partial:
+    """A skeleton refined up to some level.
+
+    Attributes:
+        levels: All levels.
+        roles: Which arm plays which role.
+        goal: The goal candidate in force: anticipatory at first, then the final one.
+        chosen: The candidate used at each level so far.
+        drafts: The stages so far.
+        situation: Where things are predicted to be.
+        index: Numbers of the goal and of the candidates used.
+    """
+
+    levels: tuple[Level, ...]
+    roles: Roles
+    goal: GoalCandidate
+    chosen: tuple[Any, ...]
+    drafts: tuple[Draft, ...]
+    situation: Situation
+    index: tuple[int, ...]
 
 
 @dataclass
@@ -79,32 +140,30 @@ class Search:
     """One search for a plan. ``rejections`` grows while it runs, so it can be read after an interruption.
 
     Attributes:
-        workcell: The cell.
         proposer: Where candidates come from.
-        checker: Geometric checks.
+        cell: Geometric checks.
         timeline: Motion planning and timing of a chosen combination.
-        view: What was observed.
+        situation: What was observed, and where the arms are.
         seed: Decides every draw.
         budget: Limits.
         rejections: Every candidate dropped so far.
         tried: Skeletons in the order tried.
     """
 
-    workcell: Workcell
     proposer: Proposer
-    checker: StageChecker
+    cell: Cell
     timeline: Timeline
-    view: SceneView
+    situation: Situation
     seed: int
     budget: Budget
     rejections: list[Rejection] = field(default_factory=list)
     tried: list[Skeleton] = field(default_factory=list)
 
-    def run(self, skeletons: list[Skeleton]) -> Solved | Unsolved:
+    def run(self, skeletons: Sequence[Skeleton]) -> Solved | Unsolved:
         """Refine the skeletons in order until one works."""
         self._deadline = time.monotonic() + self.budget.seconds
         try:
-            for skeleton in skeletons:
+            for skeleton in skeletons[: self.budget.skeletons]:
                 self.tried.append(skeleton)
                 if solved := self._refine(skeleton):
                     return solved
@@ -112,113 +171,158 @@ class Search:
             return Unsolved(timed_out=True)
         return Unsolved(timed_out=False)
 
-    # -- one level of the search each ------------------------------------------------------------------------------
-
     def _refine(self, skeleton: Skeleton) -> Solved | None:
-        roles = roles_of(skeleton)
-        goals = self.proposer.goal(self.view, self._rng(0))[: self.budget.goals]
+        roles, levels = roles_of(skeleton), levels_of(skeleton)
+        goals = self.proposer.goal(self.situation.view, self._rng(0))[: self.budget.goals]
         if not goals:
-            self._reject(
-                "operate", roles.primary, 0, Reject("proposal", "no way to act on the part was proposed"), "operate"
-            )
+            last = levels[-1]
+            self._reject(last, 0, Reject("proposal", f"no way to {last.name} was proposed"), last.name)
         for number, goal in enumerate(goals):
-            grasps = self.proposer.pregrasp(self.view, goal, self._rng(1, number))[: self.budget.grasps]
-            if not grasps:
-                reject = Reject("proposal", "no grasp of the fixed body was proposed: it is too wide or out of view")
-                self._reject("pregrasp", roles.assistant, number, reject, "operate")
-            for k, grasp in enumerate(grasps):
-                if solved := self._with_grasp(skeleton, roles, goal, grasp, (number, k)):
-                    return solved
-        return None
-
-    def _with_grasp(
-        self, skeleton: Skeleton, roles: Roles, goal: GoalCandidate, grasp: PregraspCandidate, index: tuple[int, int]
-    ) -> Solved | None:
-        self._check_time()
-        tried = self._tried(*index)
-        hold = self.checker.hold(roles, grasp, self._rng(2, *index))
-        if isinstance(hold, Reject):
-            self._reject("pregrasp", roles.assistant, tried, hold, "pregrasp", grasp.T_world_hand)
-            return None
-        poses = self.proposer.object_pose(self.view, goal, grasp, roles, self._rng(3, *index))[: self.budget.poses]
-        for k, pose in enumerate(poses):
-            outcome = self._with_pose(skeleton, roles, hold, pose, (*index, k))
+            start = Partial(levels, roles, goal, (), (), self.situation, (number,))
+            outcome = self._descend(start)
             if isinstance(outcome, Solved):
                 return outcome
-            if outcome == "pregrasp":
-                return None
         return None
 
-    def _with_pose(
-        self, skeleton: Skeleton, roles: Roles, hold: Hold, pose: PoseCandidate, index: tuple[int, int, int]
-    ) -> Solved | BackTo:
-        self._check_time()
-        T_world_hand = self.proposer.reorient(hold.candidate, pose)
-        exposure = self.checker.expose(roles, hold, T_world_hand, self._rng(4, *index))
-        if isinstance(exposure, Reject):
-            self._reject("reorient", roles.assistant, index[-1] + 1, exposure, "reorient", T_world_hand)
-            return "reorient"
-        scene = self.view.moved(pose.T_move, self._hand_points(roles.assistant, T_world_hand))
-        finals = self.proposer.goal(scene, self._rng(5, *index))[: self.budget.finals]
+    # -- one level of the search -----------------------------------------------------------------------------------
+
+    def _descend(self, partial: Partial) -> Solved | int:
+        """A plan, or the level whose next candidate is to be tried; -1 for the next anticipatory goal."""
+        depth = len(partial.chosen)
+        if depth == len(partial.levels):
+            return self._finish(partial)
+        level = partial.levels[depth]
+        found = self._candidates(partial, level)[: getattr(self.budget, level.sampler)]
+        if not found:
+            reject = Reject(
+                "proposal", f"no candidate for {level.name} was proposed: nothing fits, or it is out of view"
+            )
+            self._reject(level, 0, reject, self._blamed(partial.levels, depth, depth - 1))
+            return depth - 1
         causes: list[Reject] = []
-        for k, goal in enumerate(finals):
-            outcome = self._with_goal(skeleton, roles, hold, exposure, pose, goal, (*index, k))
-            if isinstance(outcome, Solved):
+        for k, candidate in enumerate(found):
+            self._check_time()
+            index = (*partial.index, k)
+            drafts = self._check(partial, level, candidate, index)
+            if isinstance(drafts, Reject):
+                causes.append(drafts)
+                blame = self._to_blame(partial, depth, [drafts])
+                name = (
+                    level.name if depth == 0 or level.sampler != "goal" else self._blamed(partial.levels, depth, blame)
+                )
+                self._reject(level, self._tried(index), drafts, name, self._hand(partial, candidate))
+                continue
+            outcome = self._descend(
+                replace(
+                    partial,
+                    goal=candidate if isinstance(candidate, GoalCandidate) else partial.goal,
+                    chosen=(*partial.chosen, candidate),
+                    drafts=(*partial.drafts, *drafts),
+                    situation=drafts[-1].after,
+                    index=index,
+                )
+            )
+            if isinstance(outcome, Solved) or outcome < depth:
                 return outcome
-            if isinstance(outcome, str):
-                return outcome
-            causes.append(outcome)
-        return "pregrasp" if causes and all(hands_clash(cause, roles) for cause in causes) else "reorient"
+        return self._to_blame(partial, depth, causes) if causes else depth - 1
 
-    def _with_goal(
-        self,
-        skeleton: Skeleton,
-        roles: Roles,
-        hold: Hold,
-        exposure: Exposure,
-        pose: PoseCandidate,
-        goal: GoalCandidate,
-        index: tuple[int, int, int, int],
-    ) -> Solved | BackTo | Reject:
-        self._check_time()
-        action = self.checker.act(roles, hold, exposure, goal, self._rng(6, *index))
-        if isinstance(action, Reject):
-            blame: BackTo = "pregrasp" if hands_clash(action, roles) else "reorient"
-            self._reject("operate", roles.primary, index[-1] + 1, action, blame, goal.T_world_hand)
-            return action
-        counts = {"pregrasp": self._tried(*index[:2]), "reorient": index[2] + 1, "operate": index[3] + 1}
-        scores = {"pregrasp": hold.candidate.score, "reorient": pose.score, "operate": goal.score}
-        stages = self.timeline.build(roles, hold, exposure, action, self._seed(7, *index), counts, scores)
+    def _candidates(self, partial: Partial, level: Level) -> Sequence[Any]:
+        view, rng = partial.situation.view, self._rng(1, len(partial.chosen), *partial.index)
+        proposer, goal = self.proposer, partial.goal
+        match level.sampler:
+            case "pregrasp":
+                return proposer.pregrasp(view, goal, rng)
+            case "object_pose":
+                return proposer.object_pose(view, goal, partial.chosen[-1], partial.roles, rng)
+            case "present":
+                return proposer.present(view, goal, partial.chosen[-1], rng)
+            case "push":
+                return proposer.push(view, goal, rng)
+            case "press":
+                return proposer.press(view, goal, rng)
+            case "goal":
+                return proposer.goal(view, rng)
+            case unknown:
+                raise ValueError(f"no sampler {unknown}")
+
+    def _check(self, partial: Partial, level: Level, candidate: Any, index: tuple[int, ...]) -> list[Draft] | Reject:
+        cell, situation, rng = self.cell, partial.situation, self._rng(2, len(partial.chosen), *index)
+        match level.name:
+            case "pregrasp":
+                return hold(cell, situation, level.arm, candidate, rng)
+            case "reorient" | "present":
+                T_world_hand = self.proposer.reorient(partial.chosen[-1], candidate)
+                check = bring if level.name == "reorient" else present
+                return check(cell, situation, level.arm, candidate, T_world_hand, rng)
+            case "operate":
+                return act(cell, situation, level.arm, candidate, rng)
+            case "push":
+                return push(cell, situation, level.arm, candidate, rng)
+            case "press":
+                return press(cell, situation, level.arm, candidate, rng)
+            case "grasp":
+                release = any(stage.operator.name == "release" for stage in level.stages)
+                return take(cell, situation, level.arm, candidate, release, rng)
+            case unknown:
+                raise ValueError(f"the stage {unknown} has no candidates")
+
+    def _hand(self, partial: Partial, candidate: Any) -> pin.SE3:
+        """The hand pose that a candidate asks for."""
+        if isinstance(candidate, PoseCandidate):
+            return self.proposer.reorient(partial.chosen[-1], candidate)
+        T_world_hand: pin.SE3 = candidate.T_world_hand
+        return T_world_hand
+
+    def _finish(self, partial: Partial) -> Solved | int:
+        """The timeline of a full combination, or the level of the stage that cannot be timed."""
+        counts = {level.name: self._tried(partial.index[: depth + 2]) for depth, level in enumerate(partial.levels)}
+        stages = self.timeline.build(list(partial.drafts), self._seed(3, *partial.index), counts)
         if isinstance(stages, StagePlans):
-            return Solved(len(self.tried) - 1, skeleton, goal, stages)
-        stage, reject = stages
-        arm = roles.primary if stage in ("operate", "release", "retreat") else roles.assistant
-        blame = {"pregrasp": "pregrasp", "lift": "pregrasp", "reorient": "reorient"}.get(stage, "operate")  # type: ignore[assignment]
-        self._reject(stage, arm, counts.get(stage, 1), reject, blame)
-        return reject if blame == "operate" else blame
+            return Solved(len(self.tried) - 1, self.tried[-1], partial.goal, stages, partial.drafts)
+        number, reject = stages
+        depth = next(
+            d for d, level in enumerate(partial.levels) if level.first <= number < level.first + len(level.stages)
+        )
+        level = partial.levels[depth]
+        self._reject(level, counts[level.name], reject, level.name)
+        return depth
+
+    def _to_blame(self, partial: Partial, depth: int, causes: Sequence[Reject]) -> int:
+        """Where to go back to when a level's candidates failed for these causes.
+
+        Two hands that meet at the part blame the grasp: hand and part move together, so another object pose cannot help.
+        Everything else blames the level before: its next candidate makes another scene.
+        """
+        grasp = next((d for d, level in enumerate(partial.levels[:depth]) if level.sampler == "pregrasp"), None)
+        if grasp is not None and all(hands_clash(cause, partial.roles) for cause in causes):
+            return grasp
+        return depth - 1
 
     # -- bookkeeping -----------------------------------------------------------------------------------------------
 
-    def _tried(self, goal: int, grasp: int) -> int:
-        return goal * self.budget.grasps + grasp + 1
+    def _blamed(self, levels: Sequence[Level], depth: int, blame: int) -> StageName:
+        """The stage of the level to go back to; the goal's stage stands for the anticipatory goal."""
+        return levels[blame].name if blame >= 0 else levels[-1].name
+
+    def _tried(self, index: tuple[int, ...]) -> int:
+        """How many candidates of a level were tried; those of the first level go on over all goals."""
+        return index[0] * self.budget.pregrasp + index[1] + 1 if len(index) == 2 else index[-1] + 1
 
     def _reject(
         self,
-        stage: StageName,
-        arm: Side,
+        level: Level,
         candidate: int,
         reject: Reject,
-        blame: BackTo,
+        blame: StageName,
         T_world_hand: pin.SE3 | None = None,
     ) -> None:
-        skeleton = len(self.tried) - 1
-        roles = roles_of(self.tried[-1])
+        stage = next((s for s in level.stages if s.operator.name == reject.stage), level.stages[0])
         self.rejections.append(
             Rejection(
-                skeleton=skeleton,
-                stage=stage,
-                arm=arm,
-                role="assistant" if arm == roles.assistant else "primary",
+                skeleton=len(self.tried) - 1,
+                stage=stage.operator.name,
+                arm=stage.arm,
+                role=stage.operator.role,
                 candidate=candidate,
                 cause=reject.cause,
                 detail=reject.detail,
@@ -241,8 +345,12 @@ class Search:
         if time.monotonic() > self._deadline:
             raise OutOfTime
 
-    def _hand_points(self, side: Side, T_world_hand: pin.SE3) -> Array:
-        return points(T_world_hand, self.timeline.hand_points(side))
+
+def levels_of(skeleton: Skeleton) -> tuple[Level, ...]:
+    """The stages grouped by the candidate that decides them."""
+    starts = [k for k, stage in enumerate(skeleton) if stage.operator.sampler]
+    ends = [*starts[1:], len(skeleton)]
+    return tuple(Level(skeleton[a:b], a) for a, b in zip(starts, ends, strict=True))
 
 
 def hands_clash(reject: Reject, roles: Roles) -> bool:

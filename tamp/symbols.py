@@ -16,6 +16,12 @@ PREDICATES: dict[str, str] = {
     "operated": "the functional joint has moved past its threshold",
     "disengaged": "the arm's fingers have let go of the functional part",
     "clear": "the arm has withdrawn after the operation",
+    "pushed": "the object has been pushed this many times",
+    "overhanging": "the object reaches over the table's edge and does not fall",
+    "touching": "the arm's fingers touch the object without holding it",
+    "tilted": "the object is pressed down on one side and raised on the other",
+    "presented": "the object is in the human's reach, functional part towards the human",
+    "handed": "the human holds the object",
 }
 
 
@@ -26,17 +32,20 @@ class Atom:
     Attributes:
         predicate: A key of ``PREDICATES``.
         arm: The arm it is about; ``None`` for facts of the object alone.
+        count: How often, for facts that count; else 0.
     """
 
     predicate: str
     arm: Side | None = None
+    count: int = 0
 
     def __post_init__(self) -> None:
         if self.predicate not in PREDICATES:
             raise ValueError(f"no predicate {self.predicate}; there are {', '.join(PREDICATES)}")
 
     def __str__(self) -> str:
-        return f"{self.predicate}({self.arm or 'object'})"
+        times = f" x{self.count}" if self.count else ""
+        return f"{self.predicate}({self.arm or 'object'}){times}"
 
 
 State = frozenset[Atom]

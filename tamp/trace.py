@@ -30,6 +30,13 @@ Cause = Literal[
     "not_held",
     "not_exposed",
     "not_moved",
+    "not_overhanging",
+    "fell",
+    "not_tilted",
+    "not_presented",
+    "not_lifted",
+    "not_handed",
+    "dropped",
     "slipped",
     "force",
     "tracking",
@@ -112,11 +119,15 @@ def load(folder: Path) -> Trace:
     return trace
 
 
-def dominant(rejections: list[Rejection]) -> Failure:
+def dominant(rejections: list[Rejection], skeletons: list[list[str]]) -> Failure:
     """The failure that best sums up a search without a plan: the furthest stage reached, its commonest cause."""
-    order: list[StageName] = ["pregrasp", "lift", "reorient", "operate", "release", "retreat"]
-    furthest = max(rejections, key=lambda r: order.index(r.stage)).stage
-    here = [r for r in rejections if r.stage == furthest]
+
+    def place(rejection: Rejection) -> int:
+        names = [stage.partition("(")[0] for stage in skeletons[rejection.skeleton]]
+        return len(names) - 1 - names[::-1].index(rejection.stage)
+
+    furthest = max(rejections, key=place)
+    here = [r for r in rejections if r.stage == furthest.stage]
     cause, count = Counter(r.cause for r in here).most_common(1)[0]
     example = next(r for r in here if r.cause == cause)
-    return Failure(stage=furthest, reason=cause, detail=f"{count} of {len(here)} candidates: {example.detail}")
+    return Failure(stage=furthest.stage, reason=cause, detail=f"{count} of {len(here)} candidates: {example.detail}")

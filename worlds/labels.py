@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from robots.spatial import Array, frozen
 from worlds.assets.asset import FunctionalPart
-from worlds.assets.shape import collision_vertices
+from worlds.assets.shape import collision_vertices, surface
 from worlds.bullet.render import render
 from worlds.bullet.world import BulletWorld
 from worlds.observe import Observation
@@ -24,30 +24,44 @@ class Truth:
 
     Attributes:
         T_world_body: Pose of the body link.
-        part: What to operate, in the body frame.
+        part: What to operate, in the body frame; ``None`` for an object without a functional part.
         centre: Centre of mass in the body frame ``(3,)`` [m].
         long_axis: Unit vector ``(3,)`` in the body frame, towards the functional end.
-        part_vertices: ``(k, 3)`` vertices of the part's collision geometry at its start, in the body frame [m].
+        part_vertices: ``(k, 3)`` vertices of the part's collision geometry at its start, in the body frame [m]; none
+            without a part.
+        surface: ``(m, 3)`` points on the whole object's surface in the body frame [m].
+        normals: ``(m, 3)`` their outward normals.
+        on_part: ``(m,)`` whether each of them lies on the functional part.
         movable: ``(n,)`` whether each point of the observed cloud lies on the functional part.
     """
 
     T_world_body: pin.SE3
-    part: FunctionalPart
+    part: FunctionalPart | None
     centre: Array
     long_axis: Array
     part_vertices: Array
+    surface: Array
+    normals: Array
+    on_part: np.ndarray[tuple[int], np.dtype[np.bool_]]
     movable: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 def truth(world: BulletWorld, observation: Observation) -> Truth:
     """The truth about the object at the moment of the observation; the world must not have moved since."""
+    part = world.asset.function
+    sampled = surface(world.asset)
+    on_part = [np.full(len(spots), part is not None and link == part.link) for link, (spots, _) in sampled.items()]
+    none = np.zeros(len(observation.cloud), dtype=bool)
     return Truth(
         T_world_body=world.object_pose(),
-        part=world.asset.part,
+        part=part,
         centre=frozen(centre_of_mass(world)),
         long_axis=world.asset.long_axis,
-        part_vertices=collision_vertices(world.asset)[world.asset.part.link],
-        movable=point_links(world, observation) == world.asset.part.link,
+        part_vertices=frozen(np.zeros((0, 3))) if part is None else collision_vertices(world.asset)[part.link],
+        surface=frozen(np.concatenate([spots for spots, _ in sampled.values()])),
+        normals=frozen(np.concatenate([normals for _, normals in sampled.values()])),
+        on_part=np.concatenate(on_part),
+        movable=none if part is None else point_links(world, observation) == part.link,
     )
 
 

@@ -38,8 +38,6 @@ class Task(Struct, frozen=True, kw_only=True):
     """Largest turn of the object in the assistant's hand that still counts as holding [rad]."""
     press_force: float = 60.0
     """Largest force with which a part may be pressed [N]."""
-    press_stop: float = 35.0
-    """Force at which the primary arm stops pressing, as its joint torque sensors would tell [N]."""
     lift_height: float = 0.10
     """How far the object must rise in the primary's grasp [m]; the paper's value."""
     lift_slip: float = 0.010

@@ -55,7 +55,7 @@ def play(job: Job, *, settings: Settings, scratch: Path) -> Row:
 
 def request_of(job: Job, settings: Settings, folder: Path) -> Request:
     """The episode of a job."""
-    return known_request(
+    return Request(
         category=job.category,
         asset=settings.asset,
         split=job.split,
@@ -66,11 +66,6 @@ def request_of(job: Job, settings: Settings, folder: Path) -> Request:
         out=folder,
         page=False,
     )
-
-
-def known_request(**fields: object) -> Request:
-    """A request with those of the fields that episodes of this version have."""
-    return Request(**{name: value for name, value in fields.items() if name in Request.__struct_fields__})  # type: ignore[arg-type]
 
 
 def row_of(job: Job, report: Report) -> Row:

@@ -8,10 +8,9 @@ from pathlib import Path
 from msgspec import Struct
 
 from tamp import plan as plan_file
-from tamp.bench.run import known_request
 from tamp.bench.seeds import benchmark_seeds
 from tamp.bench.statistics import quantile
-from tamp.episode import plan_episode
+from tamp.episode import Request, plan_episode
 from tamp.verify import verify
 
 
@@ -52,7 +51,7 @@ def measure(category: str, count: int, proposer: str, timeout: float, scratch: P
     for seed in benchmark_seeds(category, "seen")[:count]:
         folder = scratch / f"{category}-{seed}"
         report = plan_episode(
-            known_request(
+            Request(
                 category=category,
                 split="seen",
                 seed=seed,

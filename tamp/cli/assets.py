@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from tamp.cli.output import Output
+
+if TYPE_CHECKING:
+    from worlds.assets.asset import Asset
 
 
 @dataclass(frozen=True)
@@ -20,6 +24,8 @@ class Arguments:
     """synthetic, or partnet:DIR."""
     split: Literal["seen", "unseen"] | None = None
     """Only the seen or the held-out instances."""
+    sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
+    """Draw the first 24 instances, or the first 8 of every category, on a picture."""
     json: bool = False
     """One JSON object on stdout, nothing else."""
     debug: bool = False
@@ -34,12 +40,21 @@ def run(arguments: Arguments, output: Output) -> int:
     from worlds.assets.asset import Asset
     from worlds.assets.library import categories, survey
 
+    if arguments.sheet is not None:
+        from tamp.view.sheet import require_sheet
+
+        require_sheet(arguments.sheet)
     rows: list[dict[str, Any]] = []
+    usable_assets: dict[str, list[Asset]] = {}
     for category in categories(arguments.asset) if wanted is None else [wanted]:
         for found in survey(arguments.asset, category, arguments.split):
             usable = isinstance(found, Asset)
             rows.append({"category": category, "instance": found.instance, "usable": usable, **_facts(found)})
+            if isinstance(found, Asset):
+                usable_assets.setdefault(category, []).append(found)
     _show(rows, output)
+    if arguments.sheet is not None:
+        _draw(arguments.sheet, usable_assets, output)
     usable_count = sum(row["usable"] for row in rows)
     output.emit(
         {
@@ -48,9 +63,19 @@ def run(arguments: Arguments, output: Output) -> int:
             "usable": usable_count,
             "rejected": len(rows) - usable_count,
             "rejected_share": (len(rows) - usable_count) / max(1, len(rows)),
+            "sheet": None if arguments.sheet is None else str(arguments.sheet),
         }
     )
     return 0 if usable_count else 1
+
+
+def _draw(path: Path, found: dict[str, list[Asset]], output: Output) -> None:
+    """Write the contact sheet: one category over several rows, or a row for each."""
+    from tamp.view.sheet import COLUMNS, MOST, write_sheet
+
+    most = MOST if len(found) == 1 else COLUMNS
+    write_sheet(path, [assets[:most] for assets in found.values()])
+    output.console.print(f"drawn on {path}")
 
 
 def _facts(found: Any) -> dict[str, Any]:

@@ -106,11 +106,9 @@ def settings_of(arguments: Arguments) -> tuple[Settings, list[str]]:
     wanted = chosen_categories(arguments.categories)
     from tamp import ledger
     from tamp.bench.jobs import required
-    from tamp.episode import PROPOSERS, Request
+    from tamp.episode import PROPOSERS
     from tamp.plan import package_versions
 
-    if modes != ["E2"] and "mode" not in Request.__struct_fields__:
-        raise BadInput(f"--mode {arguments.mode}: only E2 is available in this version.")
     methods = chosen("method", arguments.methods, PROPOSERS)
     found, absent = required(arguments.asset, wanted, splits, arguments.categories)
     return Settings(

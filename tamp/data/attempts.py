@@ -8,7 +8,6 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from tamp.bench.run import known_request
 from tamp.bench.seeds import every_benchmark_seed, seed_at
 from tamp.episode import Request
 from tamp.record import Recorded
@@ -48,7 +47,7 @@ def attempt(settings: Settings, category: str, number: int) -> Attempt:
 
 def request_of(tried: Attempt, settings: Settings, folder: Path) -> Request:
     """The episode of an attempt."""
-    return known_request(
+    return Request(
         category=tried.category,
         asset=settings.asset,
         split=settings.split,

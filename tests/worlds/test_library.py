@@ -106,7 +106,7 @@ def test_folder_without_the_category_says_what_it_has(tmp_path: Path) -> None:
 
 
 def test_unknown_category_gets_a_suggestion() -> None:
-    with pytest.raises(UnknownName, match=r'No category "Botle". Did you mean "Bottle"\? Valid: Bottle, Dispenser, '):
+    with pytest.raises(UnknownName, match=r'No category "Botle". Did you mean "Bottle"\? Valid: Bottle, Bowl, Cap, '):
         load("synthetic", "Botle", "bottle-000")
 
 

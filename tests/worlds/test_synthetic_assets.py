@@ -79,8 +79,12 @@ def test_head_gives_way_at_its_resistance(instance: str, tmp_path: Path) -> None
 
 def check_proportions(asset: Asset) -> None:
     assert 0.04 < asset.mass < 0.36
-    assert asset.part.threshold == pytest.approx(0.5 * asset.part.travel)
-    assert asset.part.axis @ asset.long_axis == pytest.approx(-1.0 if asset.part.kind == "press" else 1.0)
+    if asset.part.kind == "flip":
+        assert asset.part.threshold == pytest.approx(0.7)
+    else:
+        assert asset.part.threshold == pytest.approx(0.5 * asset.part.travel)
+    along = {"press": -1.0, "flip": 0.0}.get(asset.part.kind, 1.0)
+    assert asset.part.axis @ asset.long_axis == pytest.approx(-np.sin(0.3) if asset.topology == "trigger" else along)
     assert asset.part.point[2] > 0.0
 
 
@@ -98,7 +102,8 @@ def test_every_topology_is_in_both_splits(category: str) -> None:
         for split in ("seen", "unseen")
     }
     assert set(topologies["seen"]) == set(topologies["unseen"])
-    assert min(topologies["unseen"].values()) >= 4
+    assert len(topologies["unseen"]) == 4
+    assert min(topologies["unseen"].values()) >= 3
 
 
 @pytest.mark.parametrize("category", CATEGORIES)
@@ -155,7 +160,7 @@ def test_body_fits_the_hand_and_lid_stands_proud() -> None:
         vertices = {part: obj_vertices(asset, part) for part in ("body", "lid")}
         assert np.ptp(vertices["body"][:, :2], axis=0).min() <= 0.072
         assert 0.0215 <= np.ptp(vertices["lid"][:, 0]) <= 0.0501
-        assert 0.018 <= np.ptp(vertices["lid"][:, 2]) <= 0.035
+        assert 0.016 <= np.ptp(vertices["lid"][:, 2]) <= 0.035
         assert 0.120 <= np.ptp(vertices["body"][:, 2]) + np.ptp(vertices["lid"][:, 2]) <= 0.260
 
 
@@ -163,7 +168,8 @@ def test_head_has_room_for_fingertips() -> None:
     for name in names("synthetic", "Dispenser")[::5]:
         asset = load("synthetic", "Dispenser", name)
         extent = np.ptp(obj_vertices(asset, "head"), axis=0)
-        assert extent[:2].min() >= 0.020
+        across = extent[1:] if asset.topology == "trigger" else extent[:2]
+        assert across.min() >= 0.020
         moved = asset.part.travel * (asset.part.lever or 1.0)
         assert 0.008 <= moved <= 0.030
 

@@ -24,7 +24,7 @@ COUNTS = {
 """All, seen, unseen; the paper's 48 pens are shared by two columns that have no instance in common."""
 
 LENGTHS = {
-    "Lighter": (0.07, 0.20),
+    "Lighter": (0.05, 0.20),
     "Pen-Button": (0.12, 0.16),
     "Pen-Cap": (0.12, 0.16),
     "USB": (0.055, 0.09),
@@ -79,12 +79,13 @@ def test_counts_and_splits_are_the_papers(category: str) -> None:
 
 
 @pytest.mark.parametrize("category", COUNTS)
-def test_instances_differ_and_every_profile_is_in_both_splits(category: str) -> None:
+def test_instances_differ_and_both_splits_have_as_many_profiles_as_they_can(category: str) -> None:
     assets = [load("synthetic", category, name) for name in names("synthetic", category)]
     assert len({asset.content_hash for asset in assets}) == len(assets)
     seen, unseen = (Counter(a.topology for a in assets if a.split == split) for split in ("seen", "unseen"))
-    assert set(seen) == set(unseen)
-    assert len(seen) == (3 if category in ("Lighter", "Stapler") else 4)
+    assert set(unseen) <= set(seen)
+    assert len(seen) == (3 if category == "Stapler" else 4)
+    assert len(unseen) == min(len(seen), COUNTS[category][2])
 
 
 @pytest.mark.parametrize(("category", "instance"), SAMPLE)
@@ -93,11 +94,11 @@ def test_parts_keep_clear_and_numbers_are_those_of_real_things(category: str, in
     part = asset.part
     assert min(gaps(asset)) > 0.0004
     assert np.linalg.norm(part.axis) == pytest.approx(1.0)
-    if category == "Stapler" or asset.topology == "side-button":
+    if category == "Stapler" or asset.topology in ("side-button", "flip-lid"):
         assert part.axis @ asset.long_axis == pytest.approx(0.0)
     else:
         assert part.axis @ asset.long_axis == pytest.approx(-1.0 if part.kind == "press" else 1.0)
-    assert 0.4 * part.travel <= part.threshold <= 0.8 * part.travel
+    assert (0.35 if part.kind == "flip" else 0.4) * part.travel <= part.threshold <= 0.8 * part.travel
     assert 0.02 < asset.mass < 0.30
     vertices = np.concatenate(list(collision_vertices(asset).values()))
     length, width = np.ptp(vertices[:, 2]), np.ptp(vertices[:, :2], axis=0).max()

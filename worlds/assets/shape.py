@@ -7,10 +7,16 @@ import pinocchio as pin
 
 from robots.spatial import Array, frozen, points
 from worlds.assets.asset import Asset
+from worlds.assets.solids import hull
 
 
 def collision_vertices(asset: Asset) -> dict[str, Array]:
     """Vertices ``(k, 3)`` of every link's collision geometry at the joints' start, in the body frame [m]."""
+    return {link: frozen(np.concatenate(pieces)) for link, pieces in collision_pieces(asset).items()}
+
+
+def collision_pieces(asset: Asset) -> dict[str, list[Array]]:
+    """Vertices ``(k, 3)`` of every convex piece, by link, at the joints' start, in the body frame [m]."""
     model = pin.buildModelFromUrdf(str(asset.urdf))
     geometry = pin.buildGeomFromUrdf(model, str(asset.urdf), pin.GeometryType.COLLISION)
     q = pin.neutral(model)
@@ -21,10 +27,33 @@ def collision_vertices(asset: Asset) -> dict[str, Array]:
     found: dict[str, list[Array]] = {}
     for shape in geometry.geometryObjects:
         link = str(model.frames[shape.parentFrame].name)
-        found.setdefault(link, []).append(
-            points(data.oMi[shape.parentJoint] * shape.placement, _corners(shape.geometry))
-        )
-    return {link: frozen(np.concatenate(parts)) for link, parts in found.items()}
+        moved = points(data.oMi[shape.parentJoint] * shape.placement, _corners(shape.geometry))
+        found.setdefault(link, []).append(moved)
+    return found
+
+
+def surface(asset: Asset, spacing: float = 0.003) -> dict[str, tuple[Array, Array]]:
+    """Points ``(n, 3)`` [m] on the surfaces of all convex pieces and their normals ``(n, 3)``, by link.
+
+    In the body frame with the joints at their start, about ``spacing`` [m] apart. Faces between touching pieces are
+    included.
+    """
+    rng = np.random.default_rng(0)
+    found: dict[str, tuple[Array, Array]] = {}
+    for link, pieces in collision_pieces(asset).items():
+        spots, normals = [], []
+        for vertices in pieces:
+            mesh = hull(vertices)
+            a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+            cross = np.cross(b - a, c - a)
+            area = 0.5 * np.linalg.norm(cross, axis=1)
+            counts = rng.poisson(area / spacing**2)
+            face = np.repeat(np.arange(len(area)), counts)
+            u, v = np.sqrt(rng.random(len(face))), rng.random(len(face))
+            spots.append((1 - u)[:, None] * a[face] + (u * (1 - v))[:, None] * b[face] + (u * v)[:, None] * c[face])
+            normals.append(cross[face] / (2.0 * area[face])[:, None])
+        found[link] = frozen(np.concatenate(spots)), frozen(np.concatenate(normals))
+    return found
 
 
 def _set_joint(model: pin.Model, q: Array, name: str, value: float) -> None:

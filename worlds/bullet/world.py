@@ -9,10 +9,11 @@ import pinocchio as pin
 
 from robots.errors import SimulationDiverged
 from robots.model import arm_urdf_file
-from robots.spatial import Array, pose
+from robots.spatial import Array, points, pose
 from robots.workcell import SIDES, Side, Workcell
 from worlds import physics
 from worlds.assets.asset import Asset
+from worlds.assets.shape import collision_vertices
 from worlds.bullet.client import Client, bullet_pose, from_bullet, joint_numbers
 
 
@@ -43,6 +44,7 @@ class _Arm:
         joints, links = joint_numbers(client, self.body)
         self.joints = [joints[f"{side}/{name}"] for name in model.joints]
         self.fingers = [joints[f"{side}/{name}"] for name in model.gripper.finger_joints]
+        self.hand = links[f"{side}/{model.gripper.hand_link}"]
         self.finger_links = [links[f"{side}/{name}"] for name in model.gripper.finger_links]
         self.names = {number: name for name, number in links.items()}
 
@@ -59,6 +61,7 @@ class BulletWorld:
     def __init__(self, workcell: Workcell, asset: Asset) -> None:
         self.workcell, self.asset = workcell, asset
         self.time = 0.0
+        self._vertices: Array | None = None
         self.client = client = Client()
         client.setPhysicsEngineParameter(
             fixedTimeStep=physics.STEP, numSolverIterations=physics.SOLVER_ITERATIONS, deterministicOverlappingPairs=1
@@ -178,6 +181,12 @@ class BulletWorld:
         lows, highs = zip(*boxes, strict=True)
         return np.min(lows, axis=0), np.max(highs, axis=0)
 
+    def object_vertices(self) -> Array:
+        """Vertices of the object's collision geometry, its joints at their start ``(n, 3)`` [m] (privileged)."""
+        if self._vertices is None:
+            self._vertices = np.concatenate(list(collision_vertices(self.asset).values()))
+        return points(self.object_pose(), self._vertices)
+
     def object_speed(self) -> tuple[float, float]:
         """Linear [m/s] and angular [rad/s] speed of the object's body."""
         linear, angular = self.client.getBaseVelocity(self.object)
@@ -235,6 +244,13 @@ class BulletWorld:
         arm = self.arms[side]
         return np.array([state[0] for state in self.client.getJointStates(arm.body, arm.joints)])
 
+    def tcp(self, side: Side) -> Array:
+        """Measured position of the tool centre point ``(3,)`` [m]."""
+        arm = self.arms[side]
+        state = self.client.getLinkState(arm.body, arm.hand, computeForwardKinematics=1)
+        T_world_hand = from_bullet(state[4], state[5])
+        return np.asarray(T_world_hand.act(np.array([0.0, 0.0, arm.model.gripper.tcp_offset])))
+
     def opening(self, side: Side) -> float:
         """Measured opening: mean of the two fingers [m]."""
         arm = self.arms[side]
@@ -260,6 +276,13 @@ class BulletWorld:
     def contact_force(self, side: Side) -> float:
         """Sum of the normal forces between one whole arm and the object [N]."""
         return float(sum(c[9] for c in self.client.getContactPoints(self.arms[side].body, self.object)))
+
+    def force_on(self, side: Side) -> Array:
+        """Force of the object on one whole arm ``(3,)`` [N], as a sensor in the wrist would feel it without gravity."""
+        total = np.zeros(3)
+        for c in self.client.getContactPoints(self.arms[side].body, self.object):
+            total += c[9] * np.asarray(c[7]) + c[10] * np.asarray(c[11]) + c[12] * np.asarray(c[13])
+        return total
 
     def supported(self) -> bool:
         """Whether the object touches table or floor."""

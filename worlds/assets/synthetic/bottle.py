@@ -1,6 +1,7 @@
-"""Which bottles can be generated? Six body profiles times three closures, every number drawn from the index.
+"""Which bottles can be generated? Six body profiles times four closures, every number drawn from the index.
 
-The lid rides on its joint a hair (``GAP``) above the neck, since collision shapes are solid.
+The lid rides on its joint a hair (``GAP``) above the neck, since collision shapes are solid. A flip-top is hinged at
+its back, on the -x side, and opens to the front.
 """
 
 from __future__ import annotations
@@ -10,14 +11,15 @@ import numpy as np
 from robots.spatial import Array
 from worlds.assets.asset import Asset, FunctionalPart, JointPhysics, PartKind
 from worlds.assets.build import Design, Joint, Link, realise
-from worlds.assets.solids import BULLET_MARGIN, Mesh
-from worlds.assets.synthetic.outline import PROFILES, barrel, container, cylinder, disc, stack
-from worlds.assets.synthetic.series import Series, pastel
+from worlds.assets.solids import BULLET_MARGIN, Mesh, box, merged, moved
+from worlds.assets.synthetic.hinge import STANDOFF, flip_part, hinge
+from worlds.assets.synthetic.outline import PROFILES, ROUND, SQUARE, Ring, barrel, container, cylinder, disc, stack
+from worlds.assets.synthetic.series import Series, mixed, pastel
 
 SERIES = Series("Bottle", count=57, seed=20_260_101)
 """57 bottles, as many as the paper's Bottle category; the seed starts every instance's own generator."""
 
-CLOSURES = ("push-cap", "stopper", "screw-cap")
+CLOSURES = ("push-cap", "stopper", "screw-cap", "flip-top")
 
 FILLED_DENSITY = (200.0, 300.0)
 """Mass over outer volume [kg/m^3]: a 30 g shell around half a litre with about a third of it full."""
@@ -37,20 +39,27 @@ SCREW_FRICTION = (0.2, 0.4)
 SCREW_RANGE = np.pi
 """Turn until the joint stops [rad]; half of it, a quarter turn, counts as opened."""
 
+FLIP_HEIGHT = (0.016, 0.022)
+"""Height of a flip-top [m]: enough for finger pads, and laid back its rear edge stays above the shoulder."""
+
 
 def make(instance: str) -> Asset:
     """The bottle called ``instance``; ``UnknownName`` when there is none."""
     index = SERIES.index(instance)
     rng = SERIES.rng(index)
-    closure = CLOSURES[index % len(CLOSURES)]
+    closure = CLOSURES[mixed(index, len(CLOSURES))]
     profile = PROFILES[index // len(CLOSURES) % len(PROFILES)]
     width = rng.uniform(0.045, 0.072)
     lid_radius = min(0.5 * rng.uniform(0.024, 0.050), 0.42 * width)
-    lid_height = rng.uniform(0.020, 0.035)
+    lid_height = rng.uniform(*(FLIP_HEIGHT if closure == "flip-top" else (0.020, 0.035)))
     height = rng.uniform(0.120, 0.260) - lid_height
     rings = container(profile, rng, width, height, neck=lid_radius * rng.uniform(0.75, 0.95))
     seat = np.array([0.0, 0.0, 0.5 * height + GAP])
-    joint = _joint(closure, rng, seat)
+    flips = closure == "flip-top"
+    back = seat - np.array([lid_radius + STANDOFF, 0.0, 0.0])
+    joint = hinge(rng, back, 2.0 * lid_radius + STANDOFF) if flips else _joint(closure, rng, seat)
+    density, colour = rng.uniform(*FILLED_DENSITY), pastel(rng)
+    lid, shown = _flip_top(rng, lid_radius, lid_height) if flips else (_lid(closure, rng, lid_radius, lid_height), None)
     return realise(
         Design(
             source="synthetic",
@@ -59,11 +68,11 @@ def make(instance: str) -> Asset:
             topology=closure,
             split=SERIES.split(index),
             links=(
-                Link("body", stack(rings), rng.uniform(*FILLED_DENSITY), pastel(rng)),
-                Link("lid", _lid(closure, rng, lid_radius, lid_height), LID_DENSITY, pastel(rng, dark=True)),
+                Link("body", stack(rings), density, colour),
+                Link("lid", lid, LID_DENSITY, pastel(rng, dark=True), shown),
             ),
             joints=(joint,),
-            part=_part(joint, seat + np.array([0.0, 0.0, 0.5 * lid_height])),
+            part=flip_part(joint) if flips else _part(joint, seat + np.array([0.0, 0.0, 0.5 * lid_height])),
             long_axis=np.array([0.0, 0.0, 1.0]),
         )
     )
@@ -78,6 +87,16 @@ def _lid(closure: str, rng: np.random.Generator, radius: float, height: float) -
     if closure == "screw-cap" and rng.random() < 0.5:
         return (barrel(disc(0.0, radius), disc(height, rng.uniform(0.9, 0.97) * radius)),)
     return (cylinder(0.0, height, radius),)
+
+
+def _flip_top(rng: np.random.Generator, radius: float, height: float) -> tuple[tuple[Mesh, ...], Mesh]:
+    """A round or square lid in front of its hinge line with its underside at z = 0, and its look with the hinge."""
+    exponent, crown = (SQUARE if rng.random() < 0.4 else ROUND), rng.uniform(0.9, 0.97)
+    shares = ((0.0, 1.0), (0.8 * height, 1.0), (height, crown))
+    lid = barrel(*(Ring(z, share * radius, share * radius, exponent) for z, share in shares))
+    lid = moved(lid, np.array([radius + STANDOFF, 0.0, 0.0]))
+    knuckle = box((0.004, 0.8 * radius, 0.005), (STANDOFF, 0.0, 0.001))
+    return (lid,), merged((lid, knuckle))
 
 
 def _joint(closure: str, rng: np.random.Generator, seat: Array) -> Joint:

@@ -1,4 +1,4 @@
-"""Which soap dispensers can be generated? Six body profiles times three heads, numbers drawn from the index.
+"""Which soap dispensers can be generated? Six body profiles times four heads, numbers drawn from the index.
 
 A head keeps clear of the body over its whole travel. The stem under a pump head is seen but not touched:
 pressed, it goes into the collar, whose collision shape is solid.
@@ -6,21 +6,21 @@ pressed, it goes into the collar, whose collision shape is solid.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from robots.spatial import Array
+from robots.spatial import Array, rotation_about
 from worlds.assets.asset import Asset, FunctionalPart, JointPhysics
 from worlds.assets.build import Design, Joint, Link, realise
-from worlds.assets.solids import BULLET_MARGIN, Mesh, box, merged, moved
+from worlds.assets.solids import BULLET_MARGIN, Mesh, box, hull, merged, moved
 from worlds.assets.synthetic.outline import PROFILES, container, cylinder, stack
-from worlds.assets.synthetic.series import Series, pastel
+from worlds.assets.synthetic.series import Series, mixed, pastel
 
 SERIES = Series("Dispenser", count=57, seed=20_260_102)
 """57 dispensers, as many as bottles; the seed starts every instance's own generator."""
 
-HEADS = ("pump-nozzle", "push-button", "spray-lever")
+HEADS = ("pump-nozzle", "push-button", "spray-lever", "trigger")
 
 FILLED_DENSITY = (200.0, 300.0)
 """Mass over outer volume [kg/m^3]: a 40 g shell around 0.3 litres with about a sixth of it full."""
@@ -32,7 +32,11 @@ GAP = 2.0 * BULLET_MARGIN + 0.0005
 """Least distance between head and body [m]: the simulator's margins leave half a millimetre."""
 
 PRESS_FORCE = (6.0, 10.0)
-"""Force at the pressed point [N]; a lotion pump's spring asks for 10 to 20, most of it late in the stroke."""
+"""Force at the pressed point [N]; a lotion pump's spring asks for 10 to 20, most of it late in the stroke, and a
+sprayer's trigger for more, but by two fingers."""
+
+TRIGGER_SLANT = 0.30
+"""How far a trigger's lower end stands out in front before it is pulled [rad]: past nozzle and shoulder."""
 
 STEM_RADIUS = 0.004
 """Radius of a pump stem [m]."""
@@ -51,6 +55,7 @@ class _Head:
         point: Where to press, with the rim at z = 0 [m].
         travel: [m] or [rad].
         lever: As in ``FunctionalPart``.
+        way: Direction ``(3,)`` in which the pressed point moves.
     """
 
     moving: tuple[Mesh, ...]
@@ -61,19 +66,21 @@ class _Head:
     point: Array
     travel: float
     lever: float = 0.0
+    way: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
 
 
 def make(instance: str) -> Asset:
     """The dispenser called ``instance``; ``UnknownName`` when there is none."""
     index = SERIES.index(instance)
     rng = SERIES.rng(index)
-    topology = HEADS[index % len(HEADS)]
+    topology = HEADS[mixed(index, len(HEADS))]
     profile = PROFILES[index // len(HEADS) % len(PROFILES)]
     width, height = rng.uniform(0.050, 0.072), rng.uniform(0.100, 0.170)
     neck = min(rng.uniform(0.012, 0.018), 0.35 * width)
     rings = container(profile, rng, width, height, neck)
     rim = np.array([0.0, 0.0, 0.5 * height])
-    head = {"pump-nozzle": _pump, "push-button": _button, "spray-lever": _spray}[topology](rng, width, neck)
+    makers = {"pump-nozzle": _pump, "push-button": _button, "spray-lever": _spray, "trigger": _trigger}
+    head = makers[topology](rng, width, neck)
     joint = _joint(head, rim, force=rng.uniform(*PRESS_FORCE))
     body = (*stack(rings), *(moved(solid, rim) for solid in head.fixed))
     return realise(
@@ -154,6 +161,36 @@ def _spray(rng: np.random.Generator, width: float, neck: float) -> _Head:
     )
 
 
+def _trigger(rng: np.random.Generator, width: float, neck: float) -> _Head:
+    """A trigger that hangs from a hood, its lower end in front, and is pulled towards the column behind it."""
+    travel, collar = rng.uniform(0.32, 0.42), rng.uniform(0.010, 0.014)
+    length, half, thick = rng.uniform(0.036, 0.042), rng.uniform(0.010, 0.012), 0.006
+    column, hood = 0.8 * neck, rng.uniform(0.013, 0.017)
+    slant = rotation_about([0.0, 1.0, 0.0], -TRIGGER_SLANT)
+    front = column + thick + length * np.sin(travel - TRIGGER_SLANT) + GAP + 0.001
+    hinge = collar + length + GAP
+    blade = box((thick, 2.0 * half, length - 0.003), (-0.5 * thick, 0.0, -0.5 * (length + 0.003)))
+    blade = hull(blade.vertices @ slant.T)
+    pin = box((0.004, half, 0.004 + GAP), (-0.5 * thick, 0.0, 0.5 * (GAP - 0.004)))
+    roof, end = hinge + GAP, front + 0.002
+    nozzle = box((0.004, 0.010, 0.010), (end + 0.002, 0.0, roof + 0.5 * hood))
+    top = box((end + neck, 1.6 * column, hood), (0.5 * (end - neck), 0.0, roof + 0.5 * hood))
+    stem = box((2.0 * column, 1.6 * column, roof), (0.0, 0.0, 0.5 * roof))
+    lever = length - 0.008
+    origin = np.array([front, 0.0, hinge])
+    return _Head(
+        moving=(blade,),
+        shown=merged((blade, pin)),
+        fixed=(cylinder(0.0, collar, neck + 0.002), stem, top, nozzle),
+        origin=origin,
+        axis=np.array([0.0, 1.0, 0.0]),
+        point=origin + slant @ np.array([0.0, 0.0, -lever]),
+        travel=travel,
+        lever=lever,
+        way=slant @ np.array([-1.0, 0.0, 0.0]),
+    )
+
+
 def _joint(head: _Head, rim: Array, force: float) -> Joint:
     return Joint(
         name="head_joint",
@@ -173,7 +210,7 @@ def _part(head: _Head, joint: Joint, rim: Array) -> FunctionalPart:
         kind="press",
         link=joint.child,
         joint=joint.name,
-        axis=np.array([0.0, 0.0, -1.0]),
+        axis=head.way,
         point=rim + head.point,
         sense=1.0,
         start=0.0,

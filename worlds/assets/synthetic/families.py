@@ -6,7 +6,25 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from worlds.assets.asset import Asset
-from worlds.assets.synthetic import bottle, dispenser, lighter, pen, stapler, usb
+from worlds.assets.synthetic import (
+    bottle,
+    bowl,
+    cap,
+    dispenser,
+    keyboard,
+    laptop,
+    lighter,
+    pen,
+    phone,
+    plate,
+    pliers,
+    remote,
+    scissors,
+    stapler,
+    switch,
+    usb,
+    window,
+)
 from worlds.assets.synthetic.series import Series
 
 
@@ -28,6 +46,17 @@ FAMILIES: dict[str, Family] = {
         Family(pen.CAP, pen.make_cap),
         Family(stapler.SERIES, stapler.make),
         Family(usb.SERIES, usb.make),
+        Family(bowl.SERIES, bowl.make),
+        Family(cap.SERIES, cap.make),
+        Family(keyboard.SERIES, keyboard.make),
+        Family(laptop.SERIES, laptop.make),
+        Family(phone.SERIES, phone.make),
+        Family(plate.SERIES, plate.make),
+        Family(pliers.SERIES, pliers.make),
+        Family(remote.SERIES, remote.make),
+        Family(scissors.SERIES, scissors.make),
+        Family(switch.SERIES, switch.make),
+        Family(window.SERIES, window.make),
     )
 }
-"""By object category."""
+"""By object category: those that are operated, then those that are pushed over an edge."""

@@ -1,6 +1,7 @@
-"""Which lighters can be generated? Pocket lighters with a button or lever on top, candle lighters with a side button.
+"""Which lighters can be generated? Pocket ones with a button or lever, candle lighters, and metal ones with a flip lid.
 
-Seen from the side, x is the width, z the height; the part that is pressed stands off by its whole travel.
+Seen from the side, x is the width, z the height; the part that is pressed stands off by its whole travel. A flip lid
+is hinged along its narrow side at -x and gripped on its broad faces.
 """
 
 from __future__ import annotations
@@ -12,19 +13,27 @@ import numpy as np
 from robots.spatial import Array
 from worlds.assets.asset import Asset, FunctionalPart, JointPhysics
 from worlds.assets.build import Design, Joint, Link, realise
-from worlds.assets.solids import BULLET_MARGIN, Mesh, box, merged
-from worlds.assets.synthetic.outline import SQUARE, Ring, stack
-from worlds.assets.synthetic.series import Series, pastel
+from worlds.assets.solids import BULLET_MARGIN, Mesh, box, merged, moved
+from worlds.assets.synthetic.hinge import STANDOFF, flip_part, hinge
+from worlds.assets.synthetic.outline import SQUARE, Ring, barrel, stack
+from worlds.assets.synthetic.series import Series, mixed, pastel
 
 SERIES = Series("Lighter", count=15, seed=20_260_106)
 """As many as in the paper's table; the seed starts every instance's own generator."""
 
-KINDS = ("push-button", "lever", "side-button")
+KINDS = ("push-button", "lever", "side-button", "flip-lid")
+"""Three instances are unseen, so one of the four kinds is only seen: side-button."""
 
 DENSITY = (900.0, 1200.0)
 """A plastic shell around liquid gas (560 kg/m^3) and a metal head [kg/m^3]; a full pocket lighter weighs about 20 g."""
 
 PART_DENSITY = 1000.0
+
+METAL_DENSITY = (1700.0, 2200.0)
+"""A brass or steel case around wadding and insert [kg/m^3]; the well-known one weighs 55 g at 38 by 13 by 57 mm."""
+
+FLIP_LID = (0.018, 0.022)
+"""Height of a flip lid [m], about a third of the whole."""
 
 PRESS_FORCE = (6.0, 12.0)
 """Force at the pressed spot [N]; child-resistant lighters ask for 38 N and more, ordinary piezo ones for less."""
@@ -62,7 +71,9 @@ def make(instance: str) -> Asset:
     """The lighter called ``instance``; ``UnknownName`` when there is none."""
     index = SERIES.index(instance)
     rng = SERIES.rng(index)
-    kind = KINDS[index % len(KINDS)]
+    kind = KINDS[mixed(index, len(KINDS))]
+    if kind == "flip-lid":
+        return _flip_lighter(index, rng)
     tall = rng.uniform(0.120, 0.160) if kind == "side-button" else rng.uniform(0.066, 0.085)
     x, y = 0.5 * rng.uniform(0.022, 0.030), 0.5 * rng.uniform(0.011, 0.014)
     button = {"push-button": _top_button, "lever": _lever, "side-button": _side_button}[kind](rng, x, y, tall)
@@ -109,6 +120,35 @@ def make(instance: str) -> Asset:
     )
 
 
+def _flip_lighter(index: int, rng: np.random.Generator) -> Asset:
+    """A case 38 mm wide and 13 mm thick or nearly so, whose upper third is the lid."""
+    x, y, tall = 0.5 * rng.uniform(0.035, 0.040), 0.5 * rng.uniform(0.0125, 0.0145), rng.uniform(0.034, 0.038)
+    height, exponent = rng.uniform(*FLIP_LID), rng.uniform(SQUARE, 2.0 * SQUARE)
+    joint = hinge(rng, np.array([-x - STANDOFF, 0.0, 0.5 * tall + GAP]), 2.0 * x + STANDOFF)
+    lid_rings = ((0.0, 1.0), (height - 0.003, 1.0), (height, 0.94))
+    lid = barrel(*(Ring(z, share * x, share * y, exponent) for z, share in lid_rings))
+    lid = moved(lid, np.array([x + STANDOFF, 0.0, 0.0]))
+    knuckle = box((0.003, 1.4 * y, 0.004), (0.0, 0.0, 0.0))
+    body = barrel(*(Ring(z, x, y, exponent) for z in (-0.5 * tall, 0.5 * tall)))
+    density, colour = rng.uniform(*METAL_DENSITY), pastel(rng)
+    return realise(
+        Design(
+            source="synthetic",
+            category=SERIES.category,
+            instance=SERIES.names()[index],
+            topology="flip-lid",
+            split=SERIES.split(index),
+            links=(
+                Link("body", (body,), density, colour),
+                Link("lid", (lid,), density, pastel(rng, dark=True), merged((lid, knuckle))),
+            ),
+            joints=(joint,),
+            part=flip_part(joint),
+            long_axis=np.array([0.0, 0.0, 1.0]),
+        )
+    )
+
+
 def _fixed(kind: str, x: float, y: float, tall: float) -> tuple[Mesh, ...]:
     """The hood around the flame of a button lighter, the post that carries a lever, the neck of a candle lighter."""
     top = 0.5 * tall
@@ -134,7 +174,7 @@ def _lever(rng: np.random.Generator, x: float, y: float, tall: float) -> _Button
     travel, thick, reach = rng.uniform(0.30, 0.38), 0.003, 1.75 * x
     hinge = np.array([0.85 * x, 0.0, 0.5 * tall + reach * np.tan(travel) + GAP + thick])
     paddle = box((reach - 0.004, 1.7 * y, thick), (-0.5 * (reach + 0.004), 0.0, -0.5 * thick))
-    post = box((0.004, y, hinge[2] - 0.5 * tall), (0.0, 0.0, -0.5 * (hinge[2] - 0.5 * tall)))
+    post = box((0.008, y, hinge[2] - 0.5 * tall), (-0.002, 0.0, -0.5 * (hinge[2] - 0.5 * tall)))
     lever = reach - 0.005
     point = hinge + np.array([-lever, 0.0, 0.0])
     down = np.array([0.0, 0.0, -1.0])

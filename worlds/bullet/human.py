@@ -1,0 +1,189 @@
+"""A scripted human hand: it comes, grips what is held out by friction, pulls until it is let go, and draws back.
+
+The hand is a body of its own with two pads that close by force; only its wrist is led along a scripted path. Where to
+grip it reads from the simulated object: a human sees well.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+
+from robots.spatial import Array, points, unit
+from robots.workcell import Human, Side
+from worlds import physics
+from worlds.assets.shape import collision_vertices
+from worlds.bullet.client import bullet_pose
+from worlds.bullet.world import BulletWorld
+
+PAD = (0.012, 0.044, 0.030)
+"""Thickness, length along the reach and height of a pad [m]: thumb against fingers."""
+
+WIDEST = 0.110
+"""Largest distance between the pads [m]; an adult's grip spans 100 to 130 mm."""
+
+GRIP = 30.0
+"""Force of each pad [N]; light grips are 20 to 60 N."""
+
+FAR = 0.22
+"""Where the hand starts, away from where it grips [m]."""
+
+REACH_SPEED = 0.25
+"""Speed of the approach and of drawing back [m/s]."""
+
+PULL_SPEED = 0.004
+"""Speed at which the pull is built up [m/s]."""
+
+STRONGEST = 15.0
+"""Pull at which the human gives up [N]."""
+
+CLOSING = 0.6
+"""Time given to the pads to close [s]."""
+
+BACK = 0.14
+"""How far the hand draws back with the object [m]."""
+
+ROOM = 0.045
+"""Least distance kept from the robot's tool centre point along the reach [m]."""
+
+Phase = Literal["reach", "close", "pull", "leave", "rest"]
+
+
+class HumanHand:
+    """A hand in a simulated cell, moved on by ``act`` before every step of the world.
+
+    Attributes:
+        phase: What it does.
+        pulling: Whether it pulls.
+    """
+
+    def __init__(self, world: BulletWorld, human: Human, giver: Side) -> None:
+        self.world, self.client = world, world.client
+        self.away = unit(human.towards)
+        self.phase: Phase = "reach"
+        self._grip = _where(world, self.away, giver)
+        T_far = pin.SE3(self._grip.rotation, self._grip.translation + FAR * self.away)
+        self._offset, self._left = FAR, CLOSING
+        self._still = np.zeros(3)
+        self._build(T_far)
+
+    @property
+    def pulling(self) -> bool:
+        """Whether it pulls."""
+        return self.phase == "pull"
+
+    def _build(self, T: pin.SE3) -> None:
+        client = self.client
+        half = [0.5 * v for v in PAD]
+        wrist = client.createCollisionShape(client.GEOM_BOX, halfExtents=[0.03, 0.02, 0.02])
+        pad = client.createCollisionShape(client.GEOM_BOX, halfExtents=half)
+        skin = client.createVisualShape(client.GEOM_BOX, halfExtents=half, rgbaColor=[0.85, 0.65, 0.52, 1.0])
+        palm = client.createVisualShape(
+            client.GEOM_BOX, halfExtents=[0.03, 0.02, 0.02], rgbaColor=[0.85, 0.65, 0.52, 1.0]
+        )
+        behind = -0.075
+        side = 0.5 * WIDEST + 0.5 * PAD[0]
+        xyz, quaternion = bullet_pose(T * pin.SE3(np.eye(3), np.array([0.0, behind, 0.0])))
+        self.body = client.createMultiBody(
+            0.5, wrist, palm, xyz, quaternion,
+            linkMasses=[0.1, 0.1], linkCollisionShapeIndices=[pad, pad], linkVisualShapeIndices=[skin, skin],
+            linkPositions=[[side, -behind, 0.0], [-side, -behind, 0.0]], linkOrientations=[[0, 0, 0, 1]] * 2,
+            linkInertialFramePositions=[[0, 0, 0]] * 2, linkInertialFrameOrientations=[[0, 0, 0, 1]] * 2,
+            linkParentIndices=[0, 0], linkJointTypes=[client.JOINT_PRISMATIC] * 2,
+            linkJointAxis=[[-1, 0, 0], [1, 0, 0]],
+        )  # fmt: skip
+        for link in (-1, 0, 1):
+            client.changeDynamics(
+                self.body, link, lateralFriction=physics.PAD_FRICTION, spinningFriction=physics.PAD_SPINNING,
+                rollingFriction=physics.PAD_ROLLING, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0,
+            )  # fmt: skip
+        self._behind = pin.SE3(np.eye(3), np.array([0.0, behind, 0.0]))
+        self._tie = client.createConstraint(
+            self.body, -1, -1, -1, client.JOINT_FIXED, [0, 0, 0], [0, 0, 0], xyz, [0, 0, 0, 1], quaternion
+        )
+        self._lead()
+        self._pads(0.0, 20.0)
+
+    def _lead(self) -> None:
+        """Lead the wrist to where the script has it."""
+        T = pin.SE3(self._grip.rotation, self._grip.translation + self._offset * self.away) * self._behind
+        xyz, quaternion = bullet_pose(T)
+        self.client.changeConstraint(self._tie, xyz, quaternion, maxForce=200.0)
+
+    def _pads(self, travel: float, force: float) -> None:
+        for joint in (0, 1):
+            self.client.setJointMotorControl2(
+                self.body, joint, self.client.POSITION_CONTROL, targetPosition=travel, force=force, maxVelocity=0.15
+            )
+
+    def act(self) -> None:
+        """Do what the script says for the next step."""
+        step = physics.STEP
+        match self.phase:
+            case "reach":
+                self._offset = max(0.0, self._offset - REACH_SPEED * step)
+                if self._offset == 0.0:
+                    self.phase = "close"
+                    self._pads(0.5 * WIDEST, GRIP)
+            case "close":
+                self._left -= step
+                if self._left <= 0.0:
+                    self.phase = "pull" if self.holds() else "rest"
+                    self._still = self._force()
+            case "pull":
+                if self.pull() < STRONGEST:
+                    self._offset += PULL_SPEED * step
+                if not self._given():
+                    self._lead()
+                    return
+                self.phase = "leave"
+            case "leave":
+                self._offset = min(BACK, self._offset + REACH_SPEED * step)
+                if self._offset == BACK:
+                    self.phase = "rest"
+            case "rest":
+                return
+        self._lead()
+
+    def _given(self) -> bool:
+        """Whether the robot's fingers have left the object."""
+        return all(self.world.contact_force(side) == 0.0 for side in ("left", "right"))
+
+    def _force(self) -> Array:
+        """Force of the object on the hand ``(3,)`` [N]."""
+        total = np.zeros(3)
+        for c in self.client.getContactPoints(self.body, self.world.object):
+            total += c[9] * np.asarray(c[7]) + c[10] * np.asarray(c[11]) + c[12] * np.asarray(c[13])
+        return total
+
+    def pull(self) -> float:
+        """Force with which the hand pulls the object towards the human [N], beyond what it was before."""
+        return float(-(self._force() - self._still) @ self.away)
+
+    def holds(self) -> bool:
+        """Whether both pads touch the object."""
+        touched = {c[3] for c in self.client.getContactPoints(self.body, self.world.object) if c[9] > 0.0}
+        return {0, 1} <= touched
+
+
+def _where(world: BulletWorld, away: Array, giver: Side) -> pin.SE3:
+    """``T_world_grip``: x across the pads, y from the palm towards the object.
+
+    The grip is on the body, as near to the human as it goes, across its narrower side.
+    """
+    vertices = points(world.object_pose(), collision_vertices(world.asset)["body"])
+    reach = vertices @ away
+    hand = world.tcp(giver)
+    end = float(reach.max()) - 0.5 * PAD[1] * 0.8
+    at = max(end, float(hand @ away) + ROOM)
+    slab = vertices[np.abs(reach - at) < 0.5 * PAD[1]]
+    slab = slab if len(slab) >= 4 else vertices[np.abs(reach - reach.max()) < PAD[1]]
+    up, level = np.array([0.0, 0.0, 1.0]), np.cross(away, [0.0, 0.0, 1.0])
+    spans = {name: np.ptp(slab @ axis) for name, axis in (("up", up), ("level", level))}
+    across = level if spans["level"] <= spans["up"] + 0.010 else up
+    other_axis = up if across is level else level
+    middle = sum(0.5 * ((slab @ axis).max() + (slab @ axis).min()) * axis for axis in (across, other_axis))
+    y = -away
+    return pin.SE3(np.column_stack([across, y, np.cross(across, y)]), np.asarray(middle + at * away))
