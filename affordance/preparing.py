@@ -20,10 +20,10 @@ from robots.workcell import Gripper, Table
 WANTED_OVERHANG = (0.045, 0.075)
 """How far an object should reach over the edge [m]: as deep as fingers reach."""
 
-KEPT_BACK = 0.016
+KEPT_BACK = 0.014
 """How far the centre of mass must stay inside the edge [m]."""
 
-LEAST_OVERHANG = 0.012
+LEAST_OVERHANG = 0.014
 """Least overhang that is aimed at [m]."""
 
 ON_TABLE = 0.028
@@ -49,6 +49,9 @@ TILT = np.radians(4.0)
 
 PITCHES = (0.0, 0.0, 0.0, 0.2, 0.4, 0.7, 1.0, 1.3, -0.2, -0.5, -0.9, -1.3)
 """From how far below the horizon the hand comes [rad]: level for thin things, from underneath or above for rims."""
+
+THIN = 0.030
+"""Widths above this count against a grasp [m]: wide grips close on slopes and slide off."""
 
 TIGHT = 0.15
 """Least share of the pads that must meet the object."""
@@ -234,6 +237,7 @@ def edge_grasps(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generat
             continue
         lever = float(np.linalg.norm((grip.middle - body.centre)[:2]))
         score = min(grip.cover, 0.8) - 2.5 * lever - 0.1 * abs(pitch) - (0.15 if grip.cover < 0.3 else 0.0)
+        score -= 8.0 * max(0.0, grip.width - THIN)
         goal = _grasp(grip.T_world_hand, grip.opening, grip.middle, -approach, score)
         found.append((score, goal))
     return _distinct(found)

@@ -14,9 +14,10 @@ import re
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
+from types import ModuleType
 
 from tamp.cli.output import Output
-from tamp.cli.verbs import VERBS
+from tamp.cli.verbs import VERBS, Loader, subverbs
 
 USAGE, INTERRUPTED, BUG = 2, 130, 70
 
@@ -48,19 +49,28 @@ def _dispatch(words: list[str], output: Output) -> int:
 
         output.text(f"bipremanip {version('bipremanip')}")
         return 0
-    verb = words[0]
+    verb, rest = words[0], words[1:]
     if verb not in VERBS:
-        near = difflib.get_close_matches(verb, VERBS, n=1)
-        hint = f' Did you mean "{near[0]}"?' if near else ""
-        output.fail("usage", f'No verb "{verb}".{hint} Verbs: {", ".join(VERBS)}.')
-        return USAGE
-    return _parse_and_run(verb, words[1:], output)
+        return _no_such("verb", verb, VERBS, output)
+    below = subverbs(verb)
+    if not below or not rest or rest[0].startswith("-"):
+        return _parse_and_run(verb, VERBS[verb], rest, output)
+    if rest[0] not in below:
+        return _no_such(f"{verb} verb", rest[0], below, output)
+    return _parse_and_run(f"{verb} {rest[0]}", below[rest[0]], rest[1:], output)
 
 
-def _parse_and_run(verb: str, words: list[str], output: Output) -> int:
+def _no_such(kind: str, word: str, valid: dict[str, Loader], output: Output) -> int:
+    near = difflib.get_close_matches(word, valid, n=1)
+    hint = f' Did you mean "{near[0]}"?' if near else ""
+    output.fail("usage", f'No {kind} "{word}".{hint} Verbs: {", ".join(valid)}.')
+    return USAGE
+
+
+def _parse_and_run(verb: str, load: Loader, words: list[str], output: Output) -> int:
     import tyro
 
-    module = VERBS[verb]()
+    module = load()
     said, shown = io.StringIO(), io.StringIO()
     try:
         asked = any(word in ("-h", "--help") for word in words)
@@ -69,7 +79,7 @@ def _parse_and_run(verb: str, words: list[str], output: Output) -> int:
             arguments = tyro.cli(
                 module.Arguments,
                 prog=f"bipre {verb}",
-                description=module.__doc__,
+                description=module.__doc__ + _below(verb),
                 args=words,
                 config=(tyro.conf.FlagCreatePairsOff,),
             )
@@ -80,6 +90,16 @@ def _parse_and_run(verb: str, words: list[str], output: Output) -> int:
         output.fail("usage", _unboxed(said.getvalue() + shown.getvalue()))
         return USAGE
     return int(module.run(arguments, output))
+
+
+def _below(verb: str) -> str:
+    """The verbs below a verb, for its help."""
+    lines = [f"  bipre {verb} {word} ...   {_first_line(load())}" for word, load in subverbs(verb).items()]
+    return "\n".join(["", "Other forms:", *lines]) if lines else ""
+
+
+def _first_line(module: ModuleType) -> str:
+    return (module.__doc__ or "").strip().splitlines()[0]
 
 
 def _unboxed(text: str) -> str:
@@ -135,6 +155,5 @@ def _overview() -> str:
         "",
     ]
     for name, module in VERBS.items():
-        first = (module().__doc__ or "").strip().splitlines()[0]
-        lines.append(f"  {name:8} {first}")
+        lines.append(f"  {name:8} {_first_line(module())}")
     return "\n".join([*lines, "", "bipre VERB --help tells a verb's arguments."])

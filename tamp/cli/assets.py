@@ -21,7 +21,7 @@ class Arguments:
     category: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="CATEGORY")] = None
     """One category; without it all."""
     asset: str = "synthetic"
-    """synthetic, or partnet:DIR."""
+    """synthetic, partnet:DIR with PartNet-Mobility folders, or mesh:DIR with rigid meshes."""
     split: Literal["seen", "unseen"] | None = None
     """Only the seen or the held-out instances."""
     sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None

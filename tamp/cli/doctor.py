@@ -30,7 +30,7 @@ NEEDED = {
     "rich": "",
     "viser": "1.",
 }
-OPTIONAL = {"imageio-ffmpeg": "video", "torch": "learn"}
+OPTIONAL = {"imageio-ffmpeg": "video", "h5py": "data", "torch": "learn"}
 
 
 @dataclass(frozen=True)
