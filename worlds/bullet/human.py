@@ -136,9 +136,17 @@ class HumanHand:
 
     def act(self) -> None:
         """Do what the script says for the next step."""
-        {"reach": self._reach, "close": self._close, "pull": self._draw, "leave": self._leave, "rest": lambda: None}[
-            self.phase
-        ]()
+        match self.phase:
+            case "reach":
+                self._reach()
+            case "close":
+                self._close()
+            case "pull":
+                self._draw()
+            case "leave":
+                self._leave()
+            case "rest":
+                pass
         self._lead()
 
     def _reach(self) -> None:
