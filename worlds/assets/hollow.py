@@ -20,8 +20,8 @@ from worlds.assets.convex import dense
 from worlds.assets.solids import Mesh, hull
 
 SECTORS = 20
-"""Wedges around the axis: a chord then cuts 1.2 % of the radius, 0.9 mm of a bowl's. Measured: with 16 the rims of three
-of four plates are left out by more than ``MISSED``."""
+"""Wedges around the axis: a chord then cuts 1.2 % of the radius, 0.9 mm of a bowl's. Measured: with 16 more of the rims
+of three out of four plates is left out than ``MISSED``."""
 
 MOST_RINGS = 6
 """Wedges from the middle to the rim, at most."""
