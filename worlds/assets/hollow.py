@@ -3,7 +3,7 @@
 Two answers are compared: wedges cut along rays from a point above the opening, and CoACD. Measured on four real bowls
 and four plates: wedges take 0.1 to 0.8 s, fill less than 0.1 % of the cavity and hold the wall's own volume; CoACD
 takes 5 to 51 s, fills 0.1 to 3 % and holds 1.3 to 4 times that volume. So CoACD is asked only where wedges are not
-good enough.
+good enough: a cap with its peak, of which they leave out a third.
 """
 
 from __future__ import annotations
