@@ -359,6 +359,17 @@ def test_same_file_gives_the_same_hash_and_another_one_does_not(tmp_path: Path) 
     assert first == again != other
 
 
+def test_scale_beside_a_mesh_is_applied_or_its_fault_named(tmp_path: Path) -> None:
+    put(tmp_path, "Phone/x/base.glb", slab((3.0, 0.2, 1.4)))
+    source, data = f"mesh:{tmp_path}", tmp_path / "Phone/x/model_data1.json"
+    data.write_text('{"scale": [0.05, 0.05, 0.05], "other": 1}')
+    assert size(load(source, "Phone", "x")) == pytest.approx([0.15, 0.07, 0.01])
+    for text, reason in (("{", r"its model_data1\.json cannot be read"), ('{"scale": [1.0]}', "not three positive")):
+        data.write_text(text)
+        with pytest.raises(BadAsset, match=reason):
+            load(source, "Phone", "x")
+
+
 @needs_objects
 def test_real_collection_lists_every_category_it_has() -> None:
     assert set(categories(SOURCE)) == {*USABLE, *JOINTLESS}
