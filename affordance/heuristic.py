@@ -109,9 +109,9 @@ class HeuristicProposer:
         return self.truth.part
 
     def _receive(self, view: SceneView) -> GoalCandidate:
-        """A human takes the object with its functional part first."""
+        """A human takes the object with its functional end first."""
         part, T_world_body = self._part(), view.T_move * self.truth.T_world_body
-        outward, point = T_world_body.rotation @ part.outward, T_world_body.act(part.point)
+        outward, point = T_world_body.rotation @ self.truth.long_axis, T_world_body.act(part.point)
         R = hand_rotation(-outward, perpendicular(outward))
         T_world_hand = pin.SE3(R, point + self.gripper.tip_offset * outward)
         return GoalCandidate("receive", T_world_hand, self.gripper.finger_travel, outward, point, 0.0, outward, 1.0)

@@ -55,6 +55,9 @@ TILT = np.radians(4.0)
 PITCHES = (0.0, 0.0, 0.0, 0.2, 0.4, 0.7, 1.0, 1.3, -0.2, -0.5, -0.9, -1.3)
 """From how far below the horizon the hand comes [rad]: level for thin things, from underneath or above for rims."""
 
+DEEP = 8.0
+"""Worth of a grasp's depth [1/m]: the object may lie a centimetre from where it was pushed to."""
+
 THIN = 0.030
 """Widths above this count against a grasp [m]: wide grips close on slopes and slide off."""
 
@@ -256,7 +259,7 @@ def edge_grasps(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generat
             continue
         lever = float(np.linalg.norm((grip.middle - body.centre)[:2]))
         score = min(grip.cover, 0.8) - 2.5 * lever - 0.1 * abs(pitch) - (0.15 if grip.cover < 0.3 else 0.0)
-        score -= 8.0 * max(0.0, grip.width - THIN)
+        score += DEEP * min(depth, 0.030) - 8.0 * max(0.0, grip.width - THIN)
         goal = _grasp(grip.T_world_hand, grip.opening, grip.middle, -approach, score)
         found.append((score, goal))
     return _distinct(found)

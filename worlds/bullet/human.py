@@ -196,9 +196,12 @@ class HumanHand:
 def _where(world: BulletWorld, away: Array, giver: Side) -> pin.SE3:
     """``T_world_grip``: x across the pads, y from the palm towards the object.
 
-    The grip is on the body, as near to the human as it goes, across its narrower side.
+    The grip is as near to the human as it goes, across the narrower side: on the body, and on a part only where that is
+    a lever, which a squeeze does no harm.
     """
-    vertices = points(world.object_pose(), collision_vertices(world.asset)["body"])
+    part, pieces = world.asset.function, collision_vertices(world.asset)
+    kept = [piece for link, piece in pieces.items() if part is None or link != part.link or part.lever]
+    vertices = points(world.object_pose(), np.concatenate(kept))
     reach = vertices @ away
     hand = world.tcp(giver)
     end = float(reach.max()) - 0.5 * PAD[1] * 0.8
