@@ -61,6 +61,9 @@ FINGER_THICK = 0.016
 OUT_ON_LEVER = 0.007
 """How far beyond its best spot a lever is pressed [m]: most of a finger tip's half width."""
 
+ROOM_WANTED, ROOM_WORTH = 0.11, 12.0
+"""Distance between grasp and functional end that leaves room for a human's hand [m], and its worth [1/m]."""
+
 UPRIGHT = 0.8
 """The object counts as standing when the vertical part of its long axis exceeds this."""
 
@@ -210,9 +213,16 @@ class HeuristicProposer:
         propose = self._standing if abs(axis[2]) > UPRIGHT else self._lying
         found = [c for c in (propose(view, fixed, axis, goal, rng) for _ in range(24)) if c is not None]
         apart = [c for c in found if not self._takes_part(c)]
-        if not apart:
-            apart = self._beside(view, axis, goal, rng)
-        return sorted(apart, key=lambda c: -c.score)
+        if not apart or self.task == "handover":
+            apart += self._beside(view, axis, goal, rng)
+        return sorted(apart, key=lambda c: -c.score - self._left_free(c, goal))
+
+    def _left_free(self, candidate: PregraspCandidate, goal: GoalCandidate) -> float:
+        """What a handover gains from leaving room for the human's hand between grasp and functional end."""
+        if self.task != "handover":
+            return 0.0
+        tcp = candidate.T_world_hand.act(np.array([0.0, 0.0, self.gripper.tcp_offset]))
+        return ROOM_WORTH * min(float((goal.point - tcp) @ goal.outward), ROOM_WANTED)
 
     def _takes_part(self, candidate: PregraspCandidate) -> bool:
         """Whether the functional part lies between the open fingers or in their way."""
