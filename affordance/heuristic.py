@@ -58,6 +58,9 @@ STOOP = np.radians(30.0)
 FINGER_THICK = 0.016
 """How far a finger reaches outwards from its pad [m]."""
 
+OUT_ON_LEVER = 0.007
+"""How far beyond its best spot a lever is pressed [m]: most of a finger tip's half width."""
+
 UPRIGHT = 0.8
 """The object counts as standing when the vertical part of its long axis exceeds this."""
 
@@ -131,7 +134,7 @@ class HeuristicProposer:
 
     def _press(self, T_world_body: pin.SE3, outward: Array, roll: float) -> GoalCandidate:
         part = self._part()
-        point = T_world_body.act(part.point)
+        point = T_world_body.act(part.point) + self._further_out(T_world_body, outward)
         R = hand_rotation(-outward, rotation_about(outward, roll) @ perpendicular(outward))
         travel = part.travel * (part.lever or 1.0)
         needed = part.threshold * (part.lever or 1.0)
@@ -145,6 +148,19 @@ class HeuristicProposer:
             outward=outward,
             score=1.0,
         )
+
+    def _further_out(self, T_world_body: pin.SE3, outward: Array) -> Array:
+        """Shift of the pressed spot towards a lever's free end: the near side of a finger tip is what presses on it."""
+        part = self._part()
+        if not part.lever:
+            return np.zeros(3)
+        vertices = points(T_world_body, self.truth.part_vertices) - T_world_body.act(part.point)
+        arm = -vertices.mean(axis=0)
+        arm -= (arm @ outward) * outward
+        if np.linalg.norm(arm) < 1e-3:
+            return np.zeros(3)
+        end = float((vertices @ unit(arm)).max())
+        return np.asarray(min(OUT_ON_LEVER, end + 0.001) * unit(arm))
 
     def _grasp_part(self, T_world_body: pin.SE3, outward: Array, roll: float) -> GoalCandidate | None:
         part = self._part()

@@ -80,7 +80,7 @@ def closed_loop(
             watch.note(f"{outcome.failure.stage} failed ({outcome.failure.reason}): looking again")
             execution.retreat() if outcome.failure.stage == "push" else execution.undo()
         started = time.perf_counter()
-        following = _next_round(current, world, look)
+        following = _next_round(current, outcome, world, look)
         if following is None:
             return Spent(outcome, spent)
         initial = seen_state(subject.workcell, subject.task, following.observation, pushes)
@@ -98,7 +98,9 @@ def _until(plan: Plan) -> int | None:
     return names.index("retreat") + 1 if "push" in names else None
 
 
-def _next_round(current: Round, world: BulletWorld, look: Callable[[BulletWorld], Observation]) -> Round | None:
+def _next_round(
+    current: Round, outcome: Outcome, world: BulletWorld, look: Callable[[BulletWorld], Observation]
+) -> Round | None:
     """A round on a new observation, the files of the one before moved aside; ``None`` when nothing is in view."""
     from robots.errors import BadInput
 
@@ -106,7 +108,7 @@ def _next_round(current: Round, world: BulletWorld, look: Callable[[BulletWorld]
         observation = look(world)
     except BadInput:
         return None
-    current.save_trace("execution_failed", 0.0, None)
+    current.save_trace("success" if outcome.success else "execution_failed", 0.0, outcome.failure)
     aside = current.folder / f"{EARLIER}{current.number}"
     aside.mkdir(exist_ok=True)
     for name in (plan_file.PLAN_FILE, trace_file.TRACE_FILE, observe.OBSERVATION_FILE):

@@ -52,4 +52,11 @@ def prepared(out: Path | None, name: str) -> Path:
 
 
 def _own(entry: Path) -> bool:
-    return entry.name in OWN_FILES or (entry.is_dir() and entry.name.startswith(EARLIER))
+    unfinished = any(entry.name.startswith(f".{Path(name).stem}") for name in OWN_FILES)
+    return entry.name in OWN_FILES or unfinished or (entry.is_dir() and entry.name.startswith(EARLIER))
+
+
+def earlier_rounds(folder: Path) -> list[Path]:
+    """The folders of a closed loop's earlier rounds, in order; none after a single round."""
+    places = [entry for entry in folder.glob(f"{EARLIER}*") if entry.name.removeprefix(EARLIER).isdigit()]
+    return sorted(places, key=lambda place: int(place.name.removeprefix(EARLIER)))

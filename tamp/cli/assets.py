@@ -21,7 +21,7 @@ class Arguments:
     category: Annotated[tyro.conf.Positional[str | None], tyro.conf.arg(metavar="CATEGORY")] = None
     """One category; without it all."""
     asset: str = "synthetic"
-    """synthetic, or partnet:DIR."""
+    """synthetic, partnet:DIR with PartNet-Mobility folders, or mesh:DIR with rigid meshes."""
     split: Literal["seen", "unseen"] | None = None
     """Only the seen or the held-out instances."""
     sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
@@ -95,10 +95,11 @@ def _facts(found: Any) -> dict[str, Any]:
 
 
 def _show(rows: list[dict[str, Any]], output: Output) -> None:
-    from rich.table import Table
+    from rich.table import Column, Table
 
+    instance = Column("instance", overflow="fold", min_width=12)
     table = Table(
-        "category", "instance", "operated by", "topology", "split", "mass", "remark", box=None, header_style="dim"
+        "category", instance, "operated by", "topology", "split", "mass", "remark", box=None, header_style="dim"
     )
     for row in rows:
         if row["usable"]:

@@ -14,21 +14,25 @@ import tyro
 
 from robots.errors import BadInput, UnknownName
 from tamp.cli.output import Output, Progress
+from worlds.tasks import TASKS
 
 if TYPE_CHECKING:
-    from tamp.episode import Report
+    from tamp.episode import Mode, Report
 
-PROPOSERS = ("heuristic",)
+PROPOSERS = ("heuristic", "uniform")
+"""As in ``tamp.episode``, which is not imported before the arguments are found usable."""
 
 
 @dataclass(frozen=True)
 class Arguments:
     """Arguments of ``bipre plan``."""
 
-    category: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="CATEGORY")]
-    """Bottle, Dispenser, Lighter, Pen-Button, Pen-Cap, Stapler or USB."""
+    category: Annotated[
+        tyro.conf.Positional[str], tyro.conf.arg(metavar="CATEGORY", help=f"What to do: {', '.join(TASKS)}.")
+    ]
     asset: str = "synthetic"
-    """Where the object comes from: synthetic, or partnet:DIR with a PartNet-Mobility folder."""
+    """Where the object comes from: synthetic, partnet:DIR with a PartNet-Mobility folder, or mesh:DIR with a folder of
+    meshes."""
     instance: str | None = None
     """Which instance; without it the seed chooses one. `bipre assets` lists them."""
     split: Literal["seen", "unseen"] | None = None
@@ -36,11 +40,15 @@ class Arguments:
     seed: int = 0
     """Decides the instance, its pose and every draw of the search."""
     proposer: str = "heuristic"
-    """Where candidates come from."""
+    """Where candidates come from: heuristic, which knows the true object, or uniform, which knows the seen points."""
     workcell: str = "panda_pair"
     """Name of a shipped workcell, or a TOML file."""
     closed_loop: bool = False
-    """Observe and plan again between stages."""
+    """Look again after each push and after a failed stage, and plan on from what is seen."""
+    no_resample: bool = False
+    """Try the best candidate of each stage and no other, and push once at the most."""
+    max_pushes: int = 3
+    """How often the object may be pushed."""
     no_execute: bool = False
     """Stop once the plan is written."""
     timeout: float = 60.0
@@ -67,6 +75,8 @@ def run(arguments: Arguments, output: Output) -> int:
         proposer=arguments.proposer,
         workcell=arguments.workcell,
         execute=not arguments.no_execute,
+        mode=_mode(arguments),
+        max_pushes=arguments.max_pushes,
         timeout=arguments.timeout,
         out=arguments.out,
         video=arguments.video,
@@ -85,14 +95,23 @@ def _check(arguments: Arguments) -> None:
     task_of(arguments.category)
     if arguments.proposer not in PROPOSERS:
         raise UnknownName("proposer", arguments.proposer, PROPOSERS)
-    if arguments.closed_loop:
-        raise BadInput("--closed-loop is not available in this version; leave it out to plan offline.")
+    if arguments.closed_loop and arguments.no_resample:
+        raise BadInput("--closed-loop tries again and --no-resample does not; leave one of them out.")
+    if arguments.closed_loop and arguments.no_execute:
+        raise BadInput("--closed-loop needs the execution that --no-execute leaves out; leave one of them out.")
+    if arguments.max_pushes < 1:
+        raise BadInput(f"--max-pushes {arguments.max_pushes} is too few; give 1 or more.")
     if arguments.seed < 0:
         raise BadInput(f"--seed {arguments.seed} is negative; give 0 or more.")
     if not (math.isfinite(arguments.timeout) and arguments.timeout > 0.0):
         raise BadInput(f"--timeout {arguments.timeout} is not a time; give seconds above 0.")
     if arguments.out is not None and arguments.out.is_file():
         raise BadInput(f"--out {arguments.out} is a file; give a folder.")
+
+
+def _mode(arguments: Arguments) -> Mode:
+    """How the episode is run."""
+    return "E3" if arguments.closed_loop else "E1" if arguments.no_resample else "E2"
 
 
 def show(report: Report, output: Output) -> None:
@@ -103,15 +122,15 @@ def show(report: Report, output: Output) -> None:
     solved = {"success": "[green]success[/green]", "planned": "[green]planned[/green], not executed"}
     status = solved.get(report.status, f"[red]{report.status.replace('_', ' ')}[/red]")
     took = "plan found in" if report.stages else "searched"
+    rounds = f" over {report.rounds} rounds; the last:" if report.rounds > 1 else ""
     console.print(
         f"{status}  {report.category} {report.instance}, seed {report.seed}, {report.proposer}: "
-        f"{took} {report.plan_seconds:.1f} s"
+        f"{took} {report.plan_seconds:.1f} s{rounds}"
     )
     if report.stages:
         table = Table("stage", "arm", "role", "seconds", "candidates", "monitor", box=None, header_style="dim")
-        said = {check.stage: check for check in report.checked}
-        for stage in report.stages:
-            check = said.get(stage.name)
+        for number, stage in enumerate(report.stages):
+            check = report.checked[number] if number < len(report.checked) else None
             monitor = "" if check is None else f"{'yes' if check.true else 'NO'}: {check.fact}, {check.detail}"
             table.add_row(
                 stage.name, stage.arm, stage.role, f"{stage.duration:.1f}", str(stage.candidates_tried), monitor

@@ -29,9 +29,9 @@ DRAG_SPEED = 0.10
 TOUCH_FORCE = 8.0
 """Force at which a descent onto an object that is to be pushed stops [N]."""
 
-DRAG_FORCE = 25.0
-"""Force kept on the object while it is dragged [N]. Pads hold it by 0.8 F, the table brakes it by 0.56 (F + m g): 25 N
-move up to 1.1 kg."""
+DRAG_FORCE = 40.0
+"""Force kept on the object while it is dragged [N]. Pads hold it by 0.8 F, the table brakes it by 0.56 (F + m g): 40 N
+move up to 1.7 kg."""
 
 PRESS_FORCE = 30.0
 """Force at which a press on one side of an object stops [N]: ten times what tilts a plate of half a kilogram."""

@@ -19,12 +19,21 @@ from tamp.plan import Plan
 from tamp.trace import Trace
 from tamp.view.scene import PlanScene
 from worlds.bullet.client import quiet
+from worlds.tasks import TaskType
 
 HTML_FILE = "plan.html"
 FRAME_TIME = 0.08
 """Time between frames of the saved page [s]."""
 
 PORTS_TRIED = 50
+
+ROLES: dict[TaskType, str] = {
+    "articulated": "The {assistant} arm prepares, the {primary} arm acts.",
+    "edge_push": "The {assistant} arm pushes the object over the edge, the {primary} arm takes it there.",
+    "plate_lift": "The {assistant} arm presses one side down, the {primary} arm takes the other.",
+    "handover": "The {assistant} arm holds the object out and lets go when the human pulls.",
+}
+"""What the arms do, by task type."""
 
 _PANEL = """
 <style>
@@ -145,9 +154,10 @@ def _panel(plan: Plan, trace: Trace | None) -> str:
         f"<td>{s.candidates_tried}</td></tr>"
         for k, s in enumerate(plan.stages)
     )
-    lead = f"{html.escape(plan.instruction)} The {plan.assistant} arm prepares, the {plan.primary} arm acts."
+    arms = ROLES[plan.task].format(assistant=plan.assistant, primary=plan.primary)
+    lead = f"{html.escape(plan.instruction.capitalize())}. {arms}"
     return _PANEL.format(
-        title=html.escape(f"{plan.asset.category} {plan.asset.instance}, seed {plan.seed}, {plan.proposer}"),
+        title=html.escape(f"{plan.category} {plan.asset.instance}, seed {plan.seed}, {plan.proposer}"),
         lead=lead, stages=stages, rejected=_rejections(trace),
     )  # fmt: skip
 

@@ -58,6 +58,11 @@ class PlanScene:
         )  # fmt: skip
         for camera in self._plan.workcell.cameras:
             self._server.scene.add_label(f"/cameras/{camera.name}", f"camera {camera.name}", position=camera.eye)
+        if (human := self._plan.workcell.human) is not None and self._plan.task == "handover":
+            self._server.scene.add_box(
+                "/human", (217, 166, 133), human.zone_size, wireframe=True, position=human.zone_centre
+            )
+            self._server.scene.add_label("/human/label", "human's reach", position=(0.0, 0.0, human.zone_size[2] / 2))
 
     def _arm(self, side: Side) -> None:
         urdf = str(arm_urdf_file(self._plan.workcell, side))

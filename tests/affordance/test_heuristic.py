@@ -29,7 +29,7 @@ CASES = (
 def asked(request: pytest.FixtureRequest, workcell: Workcell) -> Iterator[tuple[HeuristicProposer, SceneView]]:
     with scene.build(workcell, library.load("synthetic", *request.param), 3) as world:
         observation = observe.observe(world)
-        proposer = HeuristicProposer(truth(world, observation), workcell.arm("left").gripper)
+        proposer = HeuristicProposer("articulated", truth(world, observation), workcell.arm("left").gripper)
         yield proposer, SceneView(workcell, observation.cloud, pin.SE3.Identity(), np.zeros((0, 3)))
 
 

@@ -64,12 +64,12 @@ def refused(*words: str, cwd: Path | None = None) -> str:
 def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run folder that the command made."""
     folder = tmp_path_factory.mktemp("cli") / "run"
-    done = bipre("plan", "Dispenser", "--proposer", "heuristic", "--seed", "3", "--json", "--out", str(folder))
+    done = bipre("plan", "Dispenser", "--proposer", "heuristic", "--seed", "1", "--json", "--out", str(folder))
     assert done.returncode == 0, done.stderr
     report = answer(done)
     assert report["status"] == "success"
     assert report["success"] is True
-    assert (report["category"], report["seed"], report["proposer"]) == ("Dispenser", 3, "heuristic")
+    assert (report["category"], report["seed"], report["proposer"]) == ("Dispenser", 1, "heuristic")
     assert report["plan_seconds"] > 0.0
     assert report["execute_seconds"] > 0.0
     assert report["failure"] is None
@@ -168,7 +168,7 @@ def test_ctrl_c_while_planning_is_130_and_keeps_the_trace(tmp_path: Path) -> Non
         "import sys, os\n"
         "from tamp.refine import Search\n"
         "def stop(*a): os.kill(os.getpid(), signal.SIGINT)\n"
-        "Search._with_grasp = stop\n"
+        "Search._descend = stop\n"
         "from tamp.cli import main\n"
         f"sys.exit(main(['plan', 'Bottle', '--seed', '1', '--json', '--out', {str(folder)!r}]))\n"
     )

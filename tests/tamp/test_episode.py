@@ -91,7 +91,7 @@ def test_an_interrupted_search_keeps_its_trace(tmp_path: Path, monkeypatch: pyte
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Search, "_with_goal", interrupted)
+    monkeypatch.setattr(Search, "_refine", interrupted)
     with pytest.raises(KeyboardInterrupt):
         plan_episode(Request(category="Bottle", seed=1, out=tmp_path / "run"))
     trace = trace_file.load(tmp_path / "run")

@@ -32,7 +32,9 @@ def edited(data: bytes, change: Callable[[dict[str, Any]], None]) -> bytes:
     return json.dumps(raw).encode()
 
 
-def test_decoding_and_encoding_gives_the_same_bytes(data: bytes) -> None:
+@pytest.mark.parametrize("task", ["bottle", "phone", "plate", "handover"])
+def test_decoding_and_encoding_gives_the_same_bytes(task: str, request: pytest.FixtureRequest) -> None:
+    data = (request.getfixturevalue(task)[1] / plan_file.PLAN_FILE).read_bytes()
     assert plan_file.encode(plan_file.decode(data, "x")) == data
 
 
@@ -62,7 +64,7 @@ def set_at(*path: Any, value: Any) -> Callable[[dict[str, Any]], None]:
     ("change", "words"),
     [
         (set_at("format", value="other"), 'its format is "other", not "bipremanip-plan"'),
-        (set_at("version", value=99), "has version 99; this program reads version 1"),
+        (set_at("version", value=99), "has version 99; this program reads version 2"),
         (set_at("colour", value="red"), "unknown field `colour`"),
         (set_at("stages", 0, "steps", 0, "positions", 3, value=[0.0] * 6), "length"),
         (set_at("stages", 0, "steps", 0, "times", 1, value="soon"), "Expected `float`"),
@@ -71,6 +73,11 @@ def set_at(*path: Any, value: Any) -> Callable[[dict[str, Any]], None]:
         (set_at("stages", 0, "T_world_object", 0, value=[2.0, 0.0, 0.0, 0.0]), "not orthonormal"),
         (set_at("stages", 0, "name", value="juggle"), "juggle"),
         (set_at("stages", value=[]), "0 stages"),
+        (set_at("task", value="juggling"), "juggling"),
+        (set_at("T_world_body", value=[[2.0, 0.0, 0.0, 0.0]] * 4), "start: the rotation part of a pose"),
+        (set_at("stages", 0, "steps", 0, "guard", value="soft"), "Expected `float | null`"),
+        (set_at("stages", 0, "steps", 0, "holder", value="both"), "both"),
+        (set_at("stages", 0, "steps", 0, "type", value="teleport"), "teleport"),
         (set_at("assistant", value="middle"), "middle"),
     ],
 )
@@ -102,16 +109,34 @@ def test_a_damaged_trace_is_refused(bottle: tuple[Report, Path], tmp_path: Path)
     assert trace_file.load(tmp_path).status == "success"
 
 
-def test_the_commonest_cause_of_the_furthest_stage_sums_up_a_search() -> None:
-    def rejection(stage: str, cause: str) -> trace_file.Rejection:
-        return trace_file.Rejection(
-            skeleton=0, stage=stage, arm="left", role="assistant", candidate=1, cause=cause, detail=cause, blame=stage
-        )  # type: ignore[arg-type]  # fmt: skip
+def rejection(stage: str, cause: str, skeleton: int = 0) -> trace_file.Rejection:
+    return trace_file.Rejection(
+        skeleton=skeleton,
+        stage=stage,
+        arm="left",
+        role="assistant",
+        candidate=1,
+        cause=cause,
+        detail=cause,
+        blame=stage,
+    )  # type: ignore[arg-type]
 
+
+def test_the_commonest_cause_of_the_furthest_stage_sums_up_a_search() -> None:
     failure = trace_file.dominant(
         [rejection("pregrasp", "collision")] * 5
         + [rejection("reorient", "unreachable")] * 2
-        + [rejection("reorient", "collision")]
+        + [rejection("reorient", "collision")],
+        [["pregrasp(left)", "lift(left)", "reorient(left)"]],
     )
     assert (failure.stage, failure.reason) == ("reorient", "unreachable")
     assert failure.detail == "2 of 3 candidates: unreachable"
+
+
+def test_how_far_a_stage_is_goes_by_the_skeleton_that_was_tried() -> None:
+    """The same name may come early in one task and late in another."""
+    early, late = ["push(left)", "retreat(left)", "grasp(right)"], ["operate(left)", "release(left)", "retreat(left)"]
+    found = trace_file.dominant([rejection("retreat", "collision"), rejection("grasp", "no_path")], [early])
+    assert found.stage == "grasp"
+    found = trace_file.dominant([rejection("retreat", "collision"), rejection("release", "no_path")], [late])
+    assert found.stage == "retreat"

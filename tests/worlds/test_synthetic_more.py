@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from robots.spatial import Array, hand_rotation, pose
+from robots.spatial import Array, hand_rotation, perpendicular, pose
 from tests.worlds.test_synthetic_small import gaps, moved_by
 from worlds import physics
 from worlds.assets.asset import Asset
@@ -76,8 +76,8 @@ class Bench:
             self.client.stepSimulation()
 
 
-def bench(asset: Asset, T_world_body: pin.SE3, *, fixed: bool) -> Bench:
-    """The asset with its resistances, on a table top at z = 0 unless it is fixed."""
+def bench(asset: Asset, T_world_body: pin.SE3, *, fixed: bool, table: float = 0.0) -> Bench:
+    """The asset with its resistances, over a table whose top is at ``table`` [m] unless it is fixed."""
     client = Client()
     client.setPhysicsEngineParameter(fixedTimeStep=physics.STEP, numSolverIterations=physics.SOLVER_ITERATIONS)
     client.setGravity(0, 0, -physics.GRAVITY)
@@ -94,8 +94,8 @@ def bench(asset: Asset, T_world_body: pin.SE3, *, fixed: bool) -> Bench:
         )
     if not fixed:
         slab = client.createCollisionShape(client.GEOM_BOX, halfExtents=[0.5, 0.5, 0.1])
-        table = client.createMultiBody(0.0, slab, basePosition=[0, 0, -0.1])
-        client.changeDynamics(table, -1, lateralFriction=physics.TABLE_FRICTION)
+        top = client.createMultiBody(0.0, slab, basePosition=[0, 0, table - 0.1])
+        client.changeDynamics(top, -1, lateralFriction=physics.TABLE_FRICTION)
     return Bench(client, asset, body)
 
 
@@ -103,7 +103,7 @@ def piston(made: Bench, point: Array, way: Array, folder: Path) -> int:
     """The body number of a piston that all but touches ``point`` and pushes along ``way``."""
     file = folder / "piston.urdf"
     file.write_text(PISTON)
-    across = np.array([0.0, 1.0, 0.0])
+    across = perpendicular(way)
     T_world_piston = pin.SE3(hand_rotation(way, across), np.asarray(point - TOUCHING * way))
     tip = made.client.load_urdf(file, T_world_piston, fixed=True)
     made.client.changeDynamics(tip, 0, lateralFriction=physics.PAD_FRICTION)
@@ -181,6 +181,40 @@ def test_pliers_lie_flat(instance: str) -> None:
     made.run(2.0)
     assert abs(made.pose().rotation[2, 1]) > np.cos(np.radians(2.0))
     assert abs(made.turned()) < np.radians(1.0)
+    made.client.close()
+
+
+@pytest.mark.parametrize("instance", PLIERS[:4])
+def test_a_gripper_on_the_fixed_handle_holds_the_pliers_while_they_are_squeezed(instance: str, tmp_path: Path) -> None:
+    """Two finger pads, one driven with the grip force and one locked, carry the free pliers by friction alone."""
+    asset = load("synthetic", "Pliers", instance)
+    part, vertices = asset.part, collision_vertices(asset)["body"]
+    half_open = 0.5 * (part.travel + np.radians(3.0))
+    inner_to_outer = np.array([np.cos(half_open), 0.0, -np.sin(half_open)])
+    along = np.array([np.sin(half_open), 0.0, np.cos(half_open)])
+    where = 0.7 * (vertices @ along).max()
+    grip = vertices[(vertices @ along) > 0.5 * (vertices @ along).max()]
+    inner, outer = (edge * inner_to_outer + where * along for edge in np.sort(grip @ inner_to_outer)[[0, -1]])
+    upright = pin.SE3(pin.exp3(np.array([-np.pi / 2, 0.0, 0.0])), np.zeros(3))  # thickness points up, as when lying
+    made = bench(asset, upright, fixed=False, table=-1.0)
+    R = upright.rotation
+    pads = [
+        piston(made, R @ inner, R @ inner_to_outer, tmp_path),
+        piston(made, R @ outer, -R @ inner_to_outer, tmp_path),
+    ]
+    made.client.setJointMotorControl2(pads[0], 0, made.client.VELOCITY_CONTROL, targetVelocity=0, force=500)
+    made.push(pads[1], physics.GRIP_FORCE, 0.5)
+    held = made.pose()
+    tip = piston(made, made.pose().act(part.point) - 0.001 * (R @ part.axis), R @ part.axis, tmp_path)
+    for _ in range(240):
+        made.client.setJointMotorControl2(
+            pads[1], 0, made.client.VELOCITY_CONTROL, targetVelocity=0.04, force=physics.GRIP_FORCE
+        )
+        made.push(tip, 1.5 * asset.joints[part.joint].friction / part.lever, physics.STEP)
+    assert made.turned() > part.threshold
+    slip = held.inverse() * made.pose()
+    assert np.linalg.norm(slip.translation) < 0.004
+    assert np.linalg.norm(pin.log3(slip.rotation)) < 0.05
     made.client.close()
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from robots.cache import cache_dir, content_hash, write_atomic
 from robots.spatial import Array
-from worlds.assets.solids import Faces, Mesh, hull, volume
+from worlds.assets.solids import Faces, Mesh, hull, merged, volume
 
 SOLID = 0.7
 """Above this solidity one hull is close enough; measured: bottle bodies 0.92 to 0.97, a pump with nozzle 0.33."""
@@ -66,6 +66,20 @@ def convex_parts(meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
     if not path.is_file():
         write_atomic(path, json.dumps([part.vertices.tolist() for part in _sorted_out(meshes)]))
     return tuple(hull(np.array(vertices)) for vertices in json.loads(path.read_text()))
+
+
+def lumped(meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
+    """Convex solids around ``meshes`` taken as one body: a single hull where that is close enough.
+
+    A laptop's base comes as a hundred sheets and keys; as a whole it is a slab.
+    """
+    if len(meshes) < 2:
+        return convex_parts(meshes)
+    whole = merged(meshes)
+    try:
+        return (hull(whole.vertices),) if solidity(whole) > SOLID else convex_parts(meshes)
+    except ValueError:
+        return ()
 
 
 def _key(meshes: tuple[Mesh, ...]) -> str:

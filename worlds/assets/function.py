@@ -15,6 +15,9 @@ from worlds.assets.touch import flat_spot, grip
 LID_WORDS = ("lid", "cap", "cover")
 """Words in the annotated names of what closes a bottle or tops a dispenser."""
 
+BUTTON_WORDS = ("button", "knob")
+"""Words in the annotated names of what is pressed on a pen."""
+
 HANDLE_WORDS = ("handle", "lever", "trigger")
 """Words in the annotated names of what is squeezed where nothing is pressed."""
 
@@ -42,20 +45,20 @@ class Function:
     """What is operated, in the model frame.
 
     Attributes:
-        part: The functional part, its point in the model frame.
+        part: The functional part, its point in the model frame; ``None`` when nothing is operated.
         starts: Start positions of the joints that have one other than the closest to zero.
         limits: Limits of the joints whose range was cut.
         notes: What was supplied or repaired.
     """
 
-    part: FunctionalPart
+    part: FunctionalPart | None
     starts: dict[str, float] = field(default_factory=dict)
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
-    def part_from(self, origin: Array) -> FunctionalPart:
+    def part_from(self, origin: Array) -> FunctionalPart | None:
         """The part as seen from a frame at ``origin`` ``(3,)`` [m]."""
-        return replace(self.part, point=self.part.point - origin)
+        return None if self.part is None else replace(self.part, point=self.part.point - origin)
 
 
 def functional_part(model: Mobility, *, pressed: bool) -> Function:
@@ -65,33 +68,35 @@ def functional_part(model: Mobility, *, pressed: bool) -> Function:
         model: In metres.
         pressed: Whether the category is pressed, else opened.
     """
-    lid = _named(model, LID_WORDS)
+    lid = named(model, LID_WORDS + BUTTON_WORDS if pressed else LID_WORDS)
     if not pressed:
         if lid is None:
             raise BadAsset(model.instance, f"none of its moving parts is called {' or '.join(LID_WORDS)}")
-        return _opened(model, lid)
-    if lid is not None and (slide := _slide(model, lid)) is not None and _range(slide) >= LEAST_RANGE:
+        return opened(model, lid)
+    if lid is not None and (slide := slide_of(model, lid)) is not None and range_of(slide) >= LEAST_RANGE:
         return _pressed(model, lid, slide)
-    handle = _named(model, HANDLE_WORDS)
+    handle = named(model, HANDLE_WORDS)
     if handle is not None and model.joints[handle].type == "revolute":
         return _squeezed(model, handle)
     raise BadAsset(model.instance, "it has neither a lid that slides by 2 mm nor a hinged handle")
 
 
-def _named(model: Mobility, words: tuple[str, ...]) -> str | None:
+def named(model: Mobility, words: tuple[str, ...]) -> str | None:
+    """The first moving link with shapes whose annotated name holds one of ``words``."""
     for link, (_, name) in sorted(model.semantics.items()):
         if link in model.joints and model.meshes[link] and any(word in name for word in words):
             return link
     return None
 
 
-def _slide(model: Mobility, link: str) -> MovingJoint | None:
+def slide_of(model: Mobility, link: str) -> MovingJoint | None:
     """The longest slide between the body and ``link``."""
     slides = [joint for joint in model.chain(link) if joint.type == "prismatic"]
-    return max(slides, key=_range, default=None)
+    return max(slides, key=range_of, default=None)
 
 
-def _range(joint: MovingJoint) -> float:
+def range_of(joint: MovingJoint) -> float:
+    """Distance between the limits [m] or [rad]."""
     return joint.upper - joint.lower
 
 
@@ -102,21 +107,22 @@ def _outward(model: Mobility, link: str, joint: MovingJoint) -> tuple[Array, flo
     return sign * joint.axis, sign
 
 
-def _opened(model: Mobility, lid: str) -> Function:
-    slide = _slide(model, lid)
+def opened(model: Mobility, lid: str) -> Function:
+    """A lid that is pulled off or unscrewed; ``BadAsset`` when it does neither."""
+    slide = slide_of(model, lid)
     spin = next((joint for joint in model.chain(lid) if joint.type == "continuous"), None)
     if slide is None:
         raise BadAsset(model.instance, "its lid does not slide")
-    if _range(slide) >= PULL_RANGE or (spin is None and _range(slide) >= LEAST_RANGE):
+    if range_of(slide) >= PULL_RANGE or (spin is None and range_of(slide) >= LEAST_RANGE):
         return _pulled(model, lid, slide)
     if spin is None:
-        raise BadAsset(model.instance, f"its lid slides only {1000 * _range(slide):.1f} mm and does not turn")
+        raise BadAsset(model.instance, f"its lid slides only {1000 * range_of(slide):.1f} mm and does not turn")
     return _unscrewed(model, lid, slide, spin)
 
 
 def _pulled(model: Mobility, lid: str, slide: MovingJoint) -> Function:
     outward, sign = _outward(model, lid, slide)
-    closed, travel = _closed(slide, sign), _range(slide)
+    closed, travel = _closed(slide, sign), range_of(slide)
     hold = _hold(model, lid, closed * slide.axis, outward)
     part = FunctionalPart(
         kind="pull",
@@ -197,7 +203,7 @@ def _pressed(model: Mobility, head: str, slide: MovingJoint) -> Function:
     engaged = _overlap(model, head, outward)
     raised = float(np.clip(engaged, low + LEAST_RANGE, high))
     travel = raised - low
-    point = _pressed_point(model, head, slide.origin, outward) + raised * outward
+    point = pressed_point(model, head, slide.origin, outward) + raised * outward
     part = FunctionalPart(
         kind="press",
         link=head,
@@ -220,7 +226,7 @@ def _overlap(model: Mobility, head: str, outward: Array) -> float:
     return float((model.vertices(ROOT) @ outward).max() - (model.vertices(head) @ outward).min())
 
 
-def _pressed_point(model: Mobility, part: str, near: Array, outward: Array) -> Array:
+def pressed_point(model: Mobility, part: str, near: Array, outward: Array) -> Array:
     """The best flat spot as modelled, close to the line through ``near`` along ``outward``."""
     others = tuple(mesh for link, meshes in model.meshes.items() if link != part for mesh in meshes)
     spot = flat_spot(model.meshes[part], others, near, outward)
@@ -240,7 +246,7 @@ def _squeezed(model: Mobility, handle: str) -> Function:
     reach = np.linalg.norm(arms, axis=1)
     tip = arms[int(np.argmax(reach))] / reach.max()
     inward = sense * np.cross(hinge.axis, tip)
-    point = _pressed_point(model, handle, hinge.origin + reach.max() * tip, -inward)
+    point = pressed_point(model, handle, hinge.origin + reach.max() * tip, -inward)
     arm = point - hinge.origin
     arm -= (arm @ hinge.axis) * hinge.axis
     lever = float(np.linalg.norm(arm))

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
 from robots.errors import BadAsset, BadInput, UnknownName
-from worlds.assets import partnet
+from worlds.assets import meshes, partnet
 from worlds.assets.asset import Asset, Rejected, Split
+from worlds.assets.everyday import CATEGORIES
 from worlds.assets.synthetic.families import FAMILIES
 
-FORMS = "synthetic, partnet:DIR (DIR holds one folder per category, for example DIR/Bottle)"
+FORMS = (
+    "synthetic, partnet:DIR (DIR holds PartNet-Mobility folders by category, for example DIR/Bottle), "
+    "mesh:DIR (DIR holds meshes by category, for example DIR/Bowl/round.obj, ShapeNet synsets, or an INDEX.json)"
+)
 """The valid sources, for messages."""
+
+FOLDERS: dict[str, ModuleType] = {"partnet": partnet, "mesh": meshes}
+"""Which file reads each kind of folder; each has ``present``, ``names`` and ``make``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,18 +30,20 @@ class Source:
 
     Attributes:
         text: As the user wrote it.
-        root: The PartNet-Mobility folder, or None for the generated families.
+        root: The folder of models, or None for the generated families.
+        kind: ``synthetic``, ``partnet`` or ``mesh``.
     """
 
     text: str
     root: Path | None = None
+    kind: str = "synthetic"
 
 
 def parse_source(source: str) -> Source:
     """The source meant by ``source``.
 
     Args:
-        source: ``synthetic`` or ``partnet:DIR``.
+        source: ``synthetic``, ``partnet:DIR`` or ``mesh:DIR``.
 
     Raises:
         BadInput: It is neither, or DIR is not a folder.
@@ -41,21 +51,25 @@ def parse_source(source: str) -> Source:
     if source == "synthetic":
         return Source(source)
     kind, colon, folder = source.partition(":")
-    if kind != "partnet" or not colon or not folder:
+    if kind not in FOLDERS or not colon or not folder:
         raise BadInput(f'No object source "{source}". Valid: {FORMS}.')
     root = Path(folder).expanduser().absolute()
     if not root.is_dir():
         raise BadInput(f"No folder {root} for the object source {source}. Valid: {FORMS}.")
-    return Source(source, root)
+    return Source(source, root, kind)
 
 
 def categories(source: str) -> list[str]:
-    """Categories that a source may have.
+    """Categories that a source has.
 
     Raises:
         BadInput: The source cannot be used.
     """
-    return list(FAMILIES) if parse_source(source).root is None else list(partnet.CATEGORIES)
+    where = parse_source(source)
+    if where.root is None:
+        return list(FAMILIES)
+    found: list[str] = FOLDERS[where.kind].present(where.root)
+    return found
 
 
 def names(source: str, category: str, split: Split | None = None) -> list[str]:
@@ -69,7 +83,8 @@ def names(source: str, category: str, split: Split | None = None) -> list[str]:
     _check_category(where, category)
     if where.root is None:
         return FAMILIES[category].series.names(split)
-    return partnet.names(where.root, category, split)
+    found: list[str] = FOLDERS[where.kind].names(where.root, category, split)
+    return found
 
 
 def load(source: str, category: str, instance: str) -> Asset:
@@ -83,7 +98,8 @@ def load(source: str, category: str, instance: str) -> Asset:
     _check_category(where, category)
     if where.root is None:
         return FAMILIES[category].make(instance)
-    return partnet.make(where.root, where.text, category, instance)
+    made: Asset = FOLDERS[where.kind].make(where.root, where.text, category, instance)
+    return made
 
 
 def survey(source: str, category: str, split: Split | None = None) -> list[Asset | Rejected]:
@@ -117,8 +133,9 @@ def _attempt(source: str, category: str, instance: str) -> Asset | Rejected:
 
 
 def _check_category(where: Source, category: str) -> None:
-    if category not in FAMILIES:
-        raise UnknownName("category", category, FAMILIES)
-    if where.root is not None and category not in partnet.CATEGORIES:
+    valid = FAMILIES if where.root is None else CATEGORIES
+    if category not in valid:
+        raise UnknownName("category", category, valid)
+    if where.kind == "partnet" and category not in partnet.CATEGORIES:
         read = ", ".join(partnet.CATEGORIES)
         raise BadInput(f"{category} is not read from {where.text}, only {read} are; leave out --asset for {category}.")

@@ -88,6 +88,17 @@ class Mobility:
         }
         return replace(self, meshes=meshes, joints=joints)
 
+    def turned(self, R: Array) -> Mobility:
+        """The model turned by the rotation ``R`` ``(3, 3)`` about the origin."""
+        joints = {
+            child: replace(joint, origin=R @ joint.origin, axis=R @ joint.axis) for child, joint in self.joints.items()
+        }
+        meshes = {
+            link: tuple(Mesh(mesh.vertices @ R.T, mesh.faces) for mesh in shapes)
+            for link, shapes in self.meshes.items()
+        }
+        return replace(self, meshes=meshes, joints=joints)
+
 
 def read(folder: Path) -> Mobility:
     """The model in ``folder``; ``BadAsset`` says what is wrong with it."""

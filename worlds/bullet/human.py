@@ -33,8 +33,14 @@ FAR = 0.22
 REACH_SPEED = 0.25
 """Speed of the approach and of drawing back [m/s]."""
 
-PULL_SPEED = 0.004
-"""Speed at which the pull is built up [m/s]."""
+PULL_RATE = 8.0
+"""How fast the pull grows [N/s]."""
+
+STIFF, LOOSE = 200.0, 2.0
+"""Largest force of the wrist while it is led along [N], and while the pads close, so that it gives way to them."""
+
+MASSES = (0.5, 0.1, 0.1)
+"""Masses of wrist and pads [kg]; the arm behind them bears their weight."""
 
 STRONGEST = 15.0
 """Pull at which the human gives up [N]."""
@@ -66,7 +72,7 @@ class HumanHand:
         self._grip = _where(world, self.away, giver)
         T_far = pin.SE3(self._grip.rotation, self._grip.translation + FAR * self.away)
         self._offset, self._left = FAR, CLOSING
-        self._still = np.zeros(3)
+        self._still, self._pull, self._firm = np.zeros(3), 0.0, STIFF
         self._build(T_far)
 
     @property
@@ -87,8 +93,8 @@ class HumanHand:
         side = 0.5 * WIDEST + 0.5 * PAD[0]
         xyz, quaternion = bullet_pose(T * pin.SE3(np.eye(3), np.array([0.0, behind, 0.0])))
         self.body = client.createMultiBody(
-            0.5, wrist, palm, xyz, quaternion,
-            linkMasses=[0.1, 0.1], linkCollisionShapeIndices=[pad, pad], linkVisualShapeIndices=[skin, skin],
+            MASSES[0], wrist, palm, xyz, quaternion,
+            linkMasses=list(MASSES[1:]), linkCollisionShapeIndices=[pad, pad], linkVisualShapeIndices=[skin, skin],
             linkPositions=[[side, -behind, 0.0], [-side, -behind, 0.0]], linkOrientations=[[0, 0, 0, 1]] * 2,
             linkInertialFramePositions=[[0, 0, 0]] * 2, linkInertialFrameOrientations=[[0, 0, 0, 1]] * 2,
             linkParentIndices=[0, 0], linkJointTypes=[client.JOINT_PRISMATIC] * 2,
@@ -110,7 +116,17 @@ class HumanHand:
         """Lead the wrist to where the script has it."""
         T = pin.SE3(self._grip.rotation, self._grip.translation + self._offset * self.away) * self._behind
         xyz, quaternion = bullet_pose(T)
-        self.client.changeConstraint(self._tie, xyz, quaternion, maxForce=200.0)
+        self.client.changeConstraint(self._tie, xyz, quaternion, maxForce=self._firm)
+        for link, mass in zip((-1, 0, 1), MASSES, strict=True):
+            up = [0.0, 0.0, mass * physics.GRAVITY]
+            at = self._position(link)
+            self.client.applyExternalForce(self.body, link, up, at, self.client.WORLD_FRAME)
+
+    def _position(self, link: int) -> list[float]:
+        """Centre of mass of the wrist (-1) or a pad [m]."""
+        if link < 0:
+            return list(self.client.getBasePositionAndOrientation(self.body)[0])
+        return list(self.client.getLinkState(self.body, link)[0])
 
     def _pads(self, travel: float, force: float) -> None:
         for joint in (0, 1):
@@ -120,32 +136,44 @@ class HumanHand:
 
     def act(self) -> None:
         """Do what the script says for the next step."""
-        step = physics.STEP
         match self.phase:
             case "reach":
-                self._offset = max(0.0, self._offset - REACH_SPEED * step)
-                if self._offset == 0.0:
-                    self.phase = "close"
-                    self._pads(0.5 * WIDEST, GRIP)
+                self._reach()
             case "close":
-                self._left -= step
-                if self._left <= 0.0:
-                    self.phase = "pull" if self.holds() else "rest"
-                    self._still = self._force()
+                self._close()
             case "pull":
-                if self.pull() < STRONGEST:
-                    self._offset += PULL_SPEED * step
-                if not self._given():
-                    self._lead()
-                    return
-                self.phase = "leave"
+                self._draw()
             case "leave":
-                self._offset = min(BACK, self._offset + REACH_SPEED * step)
-                if self._offset == BACK:
-                    self.phase = "rest"
+                self._leave()
             case "rest":
-                return
+                pass
         self._lead()
+
+    def _reach(self) -> None:
+        self._offset = max(0.0, self._offset - REACH_SPEED * physics.STEP)
+        if self._offset == 0.0:
+            self.phase, self._firm = "close", LOOSE
+            self._pads(0.5 * WIDEST, GRIP)
+
+    def _close(self) -> None:
+        self._left -= physics.STEP
+        if self._left <= 0.0:
+            self.phase = "pull" if self.holds() else "rest"
+            self._still = self._force()
+
+    def _draw(self) -> None:
+        """Pull with a force that grows until the object is given, or the human gives up."""
+        self._pull = min(STRONGEST, self._pull + PULL_RATE * physics.STEP)
+        self._offset, self._firm = BACK, self._pull
+        if self._given():
+            T = pin.SE3(self._grip.rotation, np.asarray(self._position(-1))) * self._behind.inverse()
+            self._offset = float((T.translation - self._grip.translation) @ self.away)
+            self.phase, self._firm = "leave", STIFF
+
+    def _leave(self) -> None:
+        self._offset = min(BACK, self._offset + REACH_SPEED * physics.STEP)
+        if self._offset == BACK:
+            self.phase = "rest"
 
     def _given(self) -> bool:
         """Whether the robot's fingers have left the object."""
@@ -153,10 +181,7 @@ class HumanHand:
 
     def _force(self) -> Array:
         """Force of the object on the hand ``(3,)`` [N]."""
-        total = np.zeros(3)
-        for c in self.client.getContactPoints(self.body, self.world.object):
-            total += c[9] * np.asarray(c[7]) + c[10] * np.asarray(c[11]) + c[12] * np.asarray(c[13])
-        return total
+        return self.world.force_of_object(self.body)
 
     def pull(self) -> float:
         """Force with which the hand pulls the object towards the human [N], beyond what it was before."""

@@ -279,10 +279,19 @@ class BulletWorld:
 
     def force_on(self, side: Side) -> Array:
         """Force of the object on one whole arm ``(3,)`` [N], as a sensor in the wrist would feel it without gravity."""
+        return self.force_of_object(self.arms[side].body)
+
+    def force_of_object(self, body: int) -> Array:
+        """Force of the object on another body ``(3,)`` [N], friction included.
+
+        PyBullet turns normals but not friction directions when the bodies are asked for in the other order than it
+        keeps them in, so they are asked for in that order.
+        """
+        first, second = min(body, self.object), max(body, self.object)
         total = np.zeros(3)
-        for c in self.client.getContactPoints(self.arms[side].body, self.object):
+        for c in self.client.getContactPoints(first, second):
             total += c[9] * np.asarray(c[7]) + c[10] * np.asarray(c[11]) + c[12] * np.asarray(c[13])
-        return total
+        return total if first == body else -total
 
     def supported(self) -> bool:
         """Whether the object touches table or floor."""
