@@ -24,8 +24,10 @@ LOG_WIDTH = 120
 
 def print_table(table: Table, output: Output) -> None:
     """A table as wide as the terminal, or wide enough to be read in a log."""
-    console = output.console
-    console.print(table, crop=False, width=None if console.is_terminal else LOG_WIDTH)
+    from rich.console import Console
+
+    wide = Console(stderr=True, highlight=False, width=LOG_WIDTH)
+    (output.console if output.console.is_terminal else wide).print(table)
 
 
 class Bars:
