@@ -58,6 +58,12 @@ STOOP = np.radians(30.0)
 FINGER_THICK = 0.016
 """How far a finger reaches outwards from its pad [m]."""
 
+OUT_ON_LEVER = 0.007
+"""How far beyond its best spot a lever is pressed [m]: most of a finger tip's half width."""
+
+ROOM_WANTED, ROOM_WORTH = 0.11, 12.0
+"""Distance between grasp and functional end that leaves room for a human's hand [m], and its worth [1/m]."""
+
 UPRIGHT = 0.8
 """The object counts as standing when the vertical part of its long axis exceeds this."""
 
@@ -106,9 +112,9 @@ class HeuristicProposer:
         return self.truth.part
 
     def _receive(self, view: SceneView) -> GoalCandidate:
-        """A human takes the object with its functional part first."""
+        """A human takes the object with its functional end first."""
         part, T_world_body = self._part(), view.T_move * self.truth.T_world_body
-        outward, point = T_world_body.rotation @ part.outward, T_world_body.act(part.point)
+        outward, point = T_world_body.rotation @ self.truth.long_axis, T_world_body.act(part.point)
         R = hand_rotation(-outward, perpendicular(outward))
         T_world_hand = pin.SE3(R, point + self.gripper.tip_offset * outward)
         return GoalCandidate("receive", T_world_hand, self.gripper.finger_travel, outward, point, 0.0, outward, 1.0)
@@ -131,7 +137,7 @@ class HeuristicProposer:
 
     def _press(self, T_world_body: pin.SE3, outward: Array, roll: float) -> GoalCandidate:
         part = self._part()
-        point = T_world_body.act(part.point)
+        point = T_world_body.act(part.point) + self._further_out(T_world_body, outward)
         R = hand_rotation(-outward, rotation_about(outward, roll) @ perpendicular(outward))
         travel = part.travel * (part.lever or 1.0)
         needed = part.threshold * (part.lever or 1.0)
@@ -145,6 +151,19 @@ class HeuristicProposer:
             outward=outward,
             score=1.0,
         )
+
+    def _further_out(self, T_world_body: pin.SE3, outward: Array) -> Array:
+        """Shift of the pressed spot towards a lever's free end: the near side of a finger tip is what presses on it."""
+        part = self._part()
+        if not part.lever:
+            return np.zeros(3)
+        vertices = points(T_world_body, self.truth.part_vertices) - T_world_body.act(part.point)
+        arm = -vertices.mean(axis=0)
+        arm -= (arm @ outward) * outward
+        if np.linalg.norm(arm) < 1e-3:
+            return np.zeros(3)
+        end = float((vertices @ unit(arm)).max())
+        return np.asarray(min(OUT_ON_LEVER, end + 0.001) * unit(arm))
 
     def _grasp_part(self, T_world_body: pin.SE3, outward: Array, roll: float) -> GoalCandidate | None:
         part = self._part()
@@ -194,9 +213,16 @@ class HeuristicProposer:
         propose = self._standing if abs(axis[2]) > UPRIGHT else self._lying
         found = [c for c in (propose(view, fixed, axis, goal, rng) for _ in range(24)) if c is not None]
         apart = [c for c in found if not self._takes_part(c)]
-        if not apart:
-            apart = self._beside(view, axis, goal, rng)
-        return sorted(apart, key=lambda c: -c.score)
+        if not apart or self.task == "handover":
+            apart += self._beside(view, axis, goal, rng)
+        return sorted(apart, key=lambda c: -c.score - self._left_free(c, goal))
+
+    def _left_free(self, candidate: PregraspCandidate, goal: GoalCandidate) -> float:
+        """What a handover gains from leaving room for the human's hand between grasp and functional end."""
+        if self.task != "handover":
+            return 0.0
+        tcp = candidate.T_world_hand.act(np.array([0.0, 0.0, self.gripper.tcp_offset]))
+        return ROOM_WORTH * min(float((goal.point - tcp) @ goal.outward), ROOM_WANTED)
 
     def _takes_part(self, candidate: PregraspCandidate) -> bool:
         """Whether the functional part lies between the open fingers or in their way."""

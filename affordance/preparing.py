@@ -7,10 +7,12 @@ Plate: the press is at the outer edge, the fingers opening along its tangent; th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial import ConvexHull
 
 from affordance.candidates import ContactCandidate, GoalCandidate
 from affordance.grip import grip_at
@@ -26,7 +28,7 @@ KEPT_BACK = 0.014
 LEAST_OVERHANG = 0.014
 """Least overhang that is aimed at [m]."""
 
-ON_TABLE = 0.028
+ON_TABLE = 0.016
 """How far the pushing fingers must stay inside the edge [m]."""
 
 BESIDE = 0.012
@@ -37,6 +39,9 @@ BEHIND = 0.022
 
 FINGER_LENGTH = 0.045
 """How far the fingers reach back from the tips before the palm begins [m]."""
+
+FOOT = 0.004
+"""Points lower than this above the table are what the object stands on [m]."""
 
 LEVEL = 0.0015
 """Height differences under the finger tips that still count as level [m]."""
@@ -49,6 +54,9 @@ TILT = np.radians(4.0)
 
 PITCHES = (0.0, 0.0, 0.0, 0.2, 0.4, 0.7, 1.0, 1.3, -0.2, -0.5, -0.9, -1.3)
 """From how far below the horizon the hand comes [rad]: level for thin things, from underneath or above for rims."""
+
+DEEP = 8.0
+"""Worth of a grasp's depth [1/m]: the object may lie a centimetre from where it was pushed to."""
 
 THIN = 0.030
 """Widths above this count against a grasp [m]: wide grips close on slopes and slide off."""
@@ -131,6 +139,8 @@ def _top_pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generat
     room = reach - centre - KEPT_BACK
     found = []
     spots = np.flatnonzero(body.normals[:, 2] > 0.97)
+    inside = _supported(body, edge.top)
+    spots = spots[inside(body.surface[spots])]
     if not len(spots):
         return []
     for k in rng.choice(spots, size=min(len(spots), 160), replace=False):
@@ -157,6 +167,15 @@ def _top_pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generat
     return sorted(found, key=lambda candidate: -candidate.score)[: KEPT // 2]
 
 
+def _supported(body: Body, top: float) -> Callable[[Array], Array]:
+    """Which points ``(k, 3)`` stand above what the object stands on: pressed elsewhere it would tip."""
+    feet = body.surface[body.surface[:, 2] < top + FOOT, :2]
+    if len(feet) < 3 or np.linalg.svd(feet - feet.mean(axis=0), compute_uv=False)[-1] < 1e-3:
+        return lambda spots: np.zeros(len(spots), dtype=bool)
+    sides = ConvexHull(feet).equations
+    return lambda spots: np.asarray((spots[:, :2] @ sides[:, :2].T + sides[:, 2]).max(axis=1) <= 0.0)
+
+
 def _room_above(surface: Array, spot: Array, footing: float, opening_axis: Array, opening: float) -> bool:
     """Whether nothing of the object stands in the way of the fingers and the palm that come straight down."""
     aside = np.abs((surface - spot) @ opening_axis)
@@ -173,7 +192,7 @@ def _side_pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Genera
     found = []
     for _ in range(KEPT):
         opening, aside = float(rng.choice([0.034, 0.022, 0.010])), float(rng.normal(0.0, 0.006))
-        height = edge.top + rng.uniform(0.006, 0.010)
+        height = edge.top + rng.uniform(0.006, max(0.010, float(body.surface[:, 2].max()) - edge.top - 0.008))
         low = (body.surface[:, 2] > height - 0.002) & (body.surface[:, 2] < height + FINGER_LENGTH)
         under = np.abs(np.abs(across - aside) - opening - 0.008) < 0.011
         if not (low & under).any():
@@ -183,11 +202,14 @@ def _side_pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Genera
         length = edge.at - reach + wanted
         if length < 0.004 or back + length > edge.at - ON_TABLE:
             continue
+        palm = (body.surface[:, 2] > height + FINGER_LENGTH - 0.003) & (np.abs(across - aside) < 0.105)
+        if (palm & (np.abs(along_push - back) < 0.036)).any():
+            continue
         tip = back * edge.outward + (body.centre @ edge.along + aside) * edge.along + height * np.array([0.0, 0.0, 1.0])
         R = hand_rotation([0.0, 0.0, -1.0], edge.along * rng.choice([-1.0, 1.0]))
         T_world_hand = pin.SE3(R, tip + gripper.tip_offset * np.array([0.0, 0.0, 1.0]))
         travel, start = length * edge.outward, -BEHIND * edge.outward
-        score = opening / 0.034 - abs(aside) / 0.01 - 3.0
+        score = opening / 0.034 - abs(aside) / 0.01 - 10.0 * (height - edge.top) - 3.0
         found.append(ContactCandidate(T_world_hand, opening, travel, pin.SE3(np.eye(3), travel), score, start))
     return sorted(found, key=lambda candidate: -candidate.score)[: KEPT // 2]
 
@@ -237,7 +259,7 @@ def edge_grasps(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generat
             continue
         lever = float(np.linalg.norm((grip.middle - body.centre)[:2]))
         score = min(grip.cover, 0.8) - 2.5 * lever - 0.1 * abs(pitch) - (0.15 if grip.cover < 0.3 else 0.0)
-        score -= 8.0 * max(0.0, grip.width - THIN)
+        score += DEEP * min(depth, 0.030) - 8.0 * max(0.0, grip.width - THIN)
         goal = _grasp(grip.T_world_hand, grip.opening, grip.middle, -approach, score)
         found.append((score, goal))
     return _distinct(found)

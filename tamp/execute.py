@@ -380,7 +380,7 @@ class Execution:
         if human is None:
             raise ValueError("a handover needs a workcell with a human")
         T = self.world.object_pose()
-        out = T.rotation @ part.outward
+        out = T.rotation @ self.world.asset.long_axis
         self.facing = float(np.arccos(np.clip(out @ unit(human.towards), -1.0, 1.0)))
         off = np.abs(T.act(np.asarray(part.point)) - np.asarray(human.zone_centre)) - np.asarray(human.zone_size) / 2
         self.in_zone = bool(off.max() <= 0.0)

@@ -52,7 +52,8 @@ def prepared(out: Path | None, name: str) -> Path:
 
 
 def _own(entry: Path) -> bool:
-    return entry.name in OWN_FILES or (entry.is_dir() and entry.name.startswith(EARLIER))
+    unfinished = any(entry.name.startswith(f".{Path(name).stem}") for name in OWN_FILES)
+    return entry.name in OWN_FILES or unfinished or (entry.is_dir() and entry.name.startswith(EARLIER))
 
 
 def earlier_rounds(folder: Path) -> list[Path]:

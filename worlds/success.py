@@ -68,7 +68,7 @@ class HandoverVerdict:
     Attributes:
         success: All of the below are within the task's limits.
         pull: Force with which the human pulled when the assistant let go [N]; ``None`` if it never did.
-        facing: Angle between the functional direction and the way to the human when presented [rad].
+        facing: Angle between the long axis, functional end first, and the way to the human when presented [rad].
         in_zone: The object was presented inside the human's zone.
         held: The human holds the object and the assistant does not touch it.
         supported: The object touches table or floor.
@@ -210,7 +210,7 @@ def judge_handover(
         task: The limits.
         assistant: The side that must have let go.
         pull: The human's pull when the assistant let go [N]; ``None`` if it never did.
-        facing: Angle between the functional direction and the way to the human when presented [rad].
+        facing: Angle between the long axis, functional end first, and the way to the human when presented [rad].
         in_zone: Whether the object was presented inside the human's zone.
         human_holds: Whether the human's hand holds the object now.
     """

@@ -49,6 +49,6 @@ def failure_class(category: str, stage: str | None, reason: str, detail: str) ->
         if "table" in detail:
             return "near-table geometry"
         return "small parts" if category in SMALL else "other"
-    if stage == "push":
+    if stage == "push" or (stage == "retreat" and reason == "fell"):  # it slid on when the hand withdrew
         return "one-shot push instability"
     return "small parts" if category in SMALL and stage in ASSISTANT_STAGES else "interaction-pose sensitivity"

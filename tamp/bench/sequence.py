@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 
 from msgspec import Struct
 
+from robots.errors import TampError
 from tamp import plan as plan_file
 from tamp.bench.seeds import benchmark_seeds
 from tamp.bench.statistics import quantile
@@ -49,31 +51,14 @@ def measure(category: str, count: int, proposer: str, timeout: float, scratch: P
     clearances: list[float] = []
     faults: list[SequenceFault] = []
     for seed in benchmark_seeds(category, "seen")[:count]:
-        folder = scratch / f"{category}-{seed}"
-        report = plan_episode(
-            Request(
-                category=category,
-                split="seen",
-                seed=seed,
-                proposer=proposer,
-                timeout=timeout,
-                execute=False,
-                out=folder,
-                page=False,
-            )
-        )
-        seconds.append(report.plan_seconds)
-        if report.status != "planned":
-            assert report.failure is not None  # what is not planned has failed
-            faults.append(SequenceFault(seed=seed, detail=f"no plan: {report.failure.detail}"))
-            continue
-        plan = plan_file.load(folder)
-        found = verify(plan)
-        makespans.append(plan.duration)
-        clearances.append(found.min_clearance)
-        if not found.ok:
-            faults.append(SequenceFault(seed=seed, detail=f"faulty plan: {found.violations[0].detail}"))
-        shutil.rmtree(folder)
+        found = _measured(category, seed, proposer, timeout, scratch / f"{category}-{seed}")
+        if found.plan_seconds is not None:
+            seconds.append(found.plan_seconds)
+        if found.makespan is not None and found.clearance is not None:
+            makespans.append(found.makespan)
+            clearances.append(found.clearance)
+        if found.fault is not None:
+            faults.append(SequenceFault(seed=seed, detail=found.fault))
     return SequenceRow(
         category=category,
         episodes=count,
@@ -87,3 +72,37 @@ def measure(category: str, count: int, proposer: str, timeout: float, scratch: P
         min_clearance_median=quantile(clearances, 0.5),
         faults=faults,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Measured:
+    """One episode: ``None`` for what it did not come to."""
+
+    plan_seconds: float | None = None
+    makespan: float | None = None
+    clearance: float | None = None
+    fault: str | None = None
+
+
+def _measured(category: str, seed: int, proposer: str, timeout: float, folder: Path) -> _Measured:
+    request = Request(
+        category=category,
+        split="seen",
+        seed=seed,
+        proposer=proposer,
+        timeout=timeout,
+        execute=False,
+        out=folder,
+        page=False,
+    )
+    try:
+        report = plan_episode(request)
+    except TampError as error:  # such as an object that the cameras do not see: this episode's result
+        return _Measured(fault=str(error))
+    if report.failure is not None:
+        return _Measured(report.plan_seconds, fault=f"no plan: {report.failure.detail}")
+    plan = plan_file.load(folder)
+    found = verify(plan)
+    shutil.rmtree(folder)
+    fault = None if found.ok else f"faulty plan: {found.violations[0].detail}"
+    return _Measured(report.plan_seconds, plan.duration, found.min_clearance, fault)

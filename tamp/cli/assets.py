@@ -95,10 +95,11 @@ def _facts(found: Any) -> dict[str, Any]:
 
 
 def _show(rows: list[dict[str, Any]], output: Output) -> None:
-    from rich.table import Table
+    from rich.table import Column, Table
 
+    instance = Column("instance", overflow="fold", min_width=12)
     table = Table(
-        "category", "instance", "operated by", "topology", "split", "mass", "remark", box=None, header_style="dim"
+        "category", instance, "operated by", "topology", "split", "mass", "remark", box=None, header_style="dim"
     )
     for row in rows:
         if row["usable"]:

@@ -129,6 +129,8 @@ def show(results: Results, output: Output) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    from tamp.cli.counting import print_table
+
     console = output.console
     table = Table("method", "mode", "category", "split", box=None, header_style="dim")
     for name in ("success", "rate", "95 % interval", "plan, median"):
@@ -147,7 +149,7 @@ def show(results: Results, output: Output) -> None:
             "-" if rate.plan_seconds_median is None else f"{rate.plan_seconds_median:.2f} s",
             "" if worst is None else f"{worst[0]} ({worst[1]})",
         )
-    console.print(table)
+    print_table(table, output)
     for mean in results.means:
         console.print(
             f"{mean.method} {mean.mode}, {mean.task_type}, {mean.split}: mean of {mean.categories} "

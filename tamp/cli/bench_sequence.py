@@ -61,6 +61,8 @@ def show(rows: list[SequenceRow], output: Output) -> None:
     """The measurements for people."""
     from rich.table import Table
 
+    from tamp.cli.counting import print_table
+
     table = Table("category", box=None, header_style="dim")
     for name in ("planned", "verified", "plan, median", "p95", "makespan, median", "clearance, least", "median"):
         table.add_column(name, justify="right")
@@ -75,7 +77,7 @@ def show(rows: list[SequenceRow], output: Output) -> None:
             _said(row.min_clearance, 1e3, 1, "mm"),
             _said(row.min_clearance_median, 1e3, 1, "mm"),
         )
-    output.console.print(table)
+    print_table(table, output)
     for row in rows:
         for fault in row.faults:
             output.console.print(f"{row.category}, seed {fault.seed}: {fault.detail}", markup=False)

@@ -138,6 +138,8 @@ def show(columns: list[Column], targets: Targets, out: Path, output: Output) -> 
     from rich.markup import escape
     from rich.table import Table
 
+    from tamp.cli.counting import print_table
+
     console = output.console
     table = Table("category", box=None, header_style="dim")
     for name in ("successes", "failures", "tried", "without outcome"):
@@ -150,7 +152,7 @@ def show(columns: list[Column], targets: Targets, out: Path, output: Output) -> 
             str(column.attempts),
             str(len(column.faults)),
         )
-    console.print(table)
+    print_table(table, output)
     for column in columns:
         if not column.met(targets):
             why = "given up after faults in a row" if column.attempts < targets.max_attempts else "--max-attempts"

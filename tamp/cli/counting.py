@@ -9,11 +9,25 @@ from typing import TYPE_CHECKING, Any, Self
 from tamp.cli.output import Output
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from tamp.bench.row import Row
     from tamp.data.collect import Column, Targets
 
 LINE_EVERY = 30.0
 """Time between two lines when stderr is no terminal [s]."""
+
+
+LOG_WIDTH = 120
+"""Width of a table when stderr is no terminal [characters]."""
+
+
+def print_table(table: Table, output: Output) -> None:
+    """A table as wide as the terminal, or wide enough to be read in a log."""
+    from rich.console import Console
+
+    wide = Console(stderr=True, highlight=False, width=LOG_WIDTH)
+    (output.console if output.console.is_terminal else wide).print(table)
 
 
 class Bars:

@@ -58,6 +58,8 @@ def _show(found: Examination, output: Output) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    from tamp.cli.counting import print_table
+
     table = Table("category", box=None, header_style="dim")
     for name in ("episodes", "successes", "failures", "objects", "rejections"):
         table.add_column(name, justify="right")
@@ -69,7 +71,7 @@ def _show(found: Examination, output: Output) -> None:
             column.category, *(str(n) for n in numbers), _listed(column.outcomes), _listed(column.failing_stages)
         )
     console = output.console
-    console.print(table)
+    print_table(table, output)
     for problem in found.problems[:PROBLEMS_SHOWN]:
         console.print(f"[red]{problem.kind}[/red] {escape(problem.where)}: {escape(problem.detail)}")
     if len(found.problems) > PROBLEMS_SHOWN:

@@ -23,7 +23,7 @@ RISE = 0.10
 DESCEND_SPEED = 0.03
 """Share of the velocity limits while descending onto the object: about 1 mm every 30 ms."""
 
-DRAG_SPEED = 0.10
+DRAG_SPEED = 0.05
 """The same while the object is dragged: slow enough to count as quasi-static."""
 
 TOUCH_FORCE = 8.0

@@ -104,7 +104,9 @@ def test_an_exception_in_an_episode_is_counted_named_and_exit_1(tmp_path: Path) 
 
 def test_ctrl_c_is_130_and_keeps_what_is_done(tmp_path: Path) -> None:
     lines = tmp_path / "episodes.jsonl"
-    command = played("steady", "--categories", "Bottle,USB", "--workers", "1", "--out", str(tmp_path))
+    command = played(
+        "steady", "--methods", "heuristic", "--categories", "Bottle,USB", "--workers", "1", "--out", str(tmp_path)
+    )
     with subprocess.Popen(command, cwd=REPOSITORY, stderr=subprocess.PIPE, text=True) as process:
         while not (lines.is_file() and lines.read_bytes().count(b"\n") >= 5):
             assert process.poll() is None

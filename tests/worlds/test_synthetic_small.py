@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -113,9 +114,15 @@ def test_a_part_gives_way_above_its_resistance_and_not_below(category: str, inst
     assert moved_by(asset, 1.6) > asset.part.threshold / asset.part.travel
 
 
-def test_real_folders_are_read_for_some_categories_only(tmp_path: object) -> None:
+def test_real_folders_have_the_categories_that_are_in_them(tmp_path: Path) -> None:
     source = f"partnet:{tmp_path}"
-    assert categories(source) == ["Bottle", "Dispenser"]
-    assert set(categories("synthetic")) > set(categories(source))
-    with pytest.raises(BadInput, match=r"USB is not read from partnet:.*, only Bottle, Dispenser are"):
-        names(source, "USB")
+    assert categories(source) == []
+    (tmp_path / "USB").mkdir()
+    (tmp_path / "Pen").mkdir()
+    (tmp_path / "Toaster").mkdir()
+    assert categories(source) == ["Pen-Button", "Pen-Cap", "USB"]
+    assert names(source, "USB") == []
+    with pytest.raises(BadInput, match=r"Lighter is not read from partnet:.*, only Bottle, Dispenser, Keyboard, "):
+        names(source, "Lighter")
+    with pytest.raises(BadInput, match=r"has no Bottle; it has: Pen, Toaster, USB\."):
+        names(source, "Bottle")

@@ -86,7 +86,7 @@ class Asset:
     """One object instance, ready to load.
 
     Attributes:
-        source: ``synthetic`` or ``partnet:DIR`` as given by the user.
+        source: ``synthetic``, ``partnet:DIR`` or ``mesh:DIR`` as given by the user.
         category: For example ``Bottle``.
         instance: Identifier within source and category.
         topology: Profile of the family, for example ``screw-cap``; for imported models their joint types.

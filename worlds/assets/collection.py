@@ -6,7 +6,6 @@ Three layouts are read: a folder with an ``INDEX.json``, one entry an object; Sh
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -141,11 +140,7 @@ def _resolved(root: Path, path: str) -> Path:
 
 
 def _row_scale(row: _Row) -> tuple[Array, str]:
-    values = row.scale_xyz_obj_to_m or row.json_scale or [1.0, 1.0, 1.0]
-    scale = np.array(values, dtype=np.float64)
-    if scale.shape != (3,) or not np.isfinite(scale).all() or scale.min() <= 0.0:
-        return np.ones(3), f"its scale {values} in the index is not three positive numbers"
-    return scale, ""
+    return _positive(row.scale_xyz_obj_to_m or row.json_scale or [1.0, 1.0, 1.0], "the index")
 
 
 def _by_folder(root: Path) -> list[Entry]:
@@ -177,7 +172,8 @@ def _from_path(path: Path, category: str, instance: str) -> Entry:
     if file is None:
         problem = f"it has neither {SHAPENET}, a URDF, nor a mesh ({', '.join(SUFFIXES)})"
         return Entry(category, instance, path, None, "z", np.ones(3), problem)
-    return Entry(category, instance, file, path, _up(file), _model_data_scale(path))
+    scale, problem = _model_data_scale(path)
+    return Entry(category, instance, file, path, _up(file), scale, problem)
 
 
 def _up(file: Path) -> Literal["y", "z"]:
@@ -185,16 +181,27 @@ def _up(file: Path) -> Literal["y", "z"]:
     return "y" if file.suffix.lower() in (".glb", ".gltf") else "z"
 
 
-def _model_data_scale(folder: Path) -> Array:
-    """The scale in RoboTwin's ``model_data<k>.json`` beside a mesh, else one."""
-    for path in sorted(folder.glob("model_data*.json")):
-        try:
-            values = np.array(json.loads(path.read_text())["scale"], dtype=np.float64)
-        except (ValueError, KeyError, TypeError):
-            continue
-        if values.shape == (3,) and np.isfinite(values).all() and values.min() > 0.0:
-            return values
-    return np.ones(3)
+def _model_data_scale(folder: Path) -> tuple[Array, str]:
+    """The scale in RoboTwin's ``model_data<k>.json`` beside a mesh, else one; and what is wrong with it."""
+    described = sorted(folder.glob("model_data*.json"))
+    if not described:
+        return np.ones(3), ""
+    try:
+        values = msgspec.json.decode(described[0].read_bytes(), type=_ModelData).scale
+    except (msgspec.DecodeError, OSError) as error:
+        return np.ones(3), f"its {described[0].name} cannot be read ({error})"
+    return _positive(values, described[0].name)
+
+
+class _ModelData(msgspec.Struct, frozen=True):
+    scale: list[float] = msgspec.field(default_factory=lambda: [1.0, 1.0, 1.0])
+
+
+def _positive(values: list[float], where: str) -> tuple[Array, str]:
+    scale = np.array(values, dtype=np.float64)
+    if scale.shape != (3,) or not np.isfinite(scale).all() or scale.min() <= 0.0:
+        return np.ones(3), f"its scale {values} in {where} is not three positive numbers"
+    return scale, ""
 
 
 def main_mesh(folder: Path) -> Path | None:

@@ -3,7 +3,7 @@
 Two answers are compared: wedges cut along rays from a point above the opening, and CoACD. Measured on four real bowls
 and four plates: wedges take 0.1 to 0.8 s, fill less than 0.1 % of the cavity and hold the wall's own volume; CoACD
 takes 5 to 51 s, fills 0.1 to 3 % and holds 1.3 to 4 times that volume. So CoACD is asked only where wedges are not
-good enough.
+good enough: a cap with its peak, of which they leave out a third.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from worlds.assets.convex import dense
 from worlds.assets.solids import Mesh, hull
 
 SECTORS = 20
-"""Wedges around the axis: a chord then cuts 1.2 % of the radius, 0.9 mm of a bowl's."""
+"""Wedges around the axis: a chord then cuts 1.2 % of the radius, 0.9 mm of a bowl's. Measured: with 16 more of the rims
+of three out of four plates is left out than ``MISSED``."""
 
 MOST_RINGS = 6
 """Wedges from the middle to the rim, at most."""

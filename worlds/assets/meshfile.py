@@ -22,7 +22,7 @@ MOST_READ = 5_000_000
 MOST_KEPT = 40_000
 """A mesh with more triangles is simplified: about ten times what the cameras resolve of an object 20 cm long."""
 
-COARSEST, FINEST = 32, 1024
+COARSEST, FINEST = 4, 1024
 """Cells along the longest side on which vertices are merged; more are tried until too many triangles stay."""
 
 

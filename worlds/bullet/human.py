@@ -136,9 +136,17 @@ class HumanHand:
 
     def act(self) -> None:
         """Do what the script says for the next step."""
-        {"reach": self._reach, "close": self._close, "pull": self._draw, "leave": self._leave, "rest": lambda: None}[
-            self.phase
-        ]()
+        match self.phase:
+            case "reach":
+                self._reach()
+            case "close":
+                self._close()
+            case "pull":
+                self._draw()
+            case "leave":
+                self._leave()
+            case "rest":
+                pass
         self._lead()
 
     def _reach(self) -> None:
@@ -188,19 +196,18 @@ class HumanHand:
 def _where(world: BulletWorld, away: Array, giver: Side) -> pin.SE3:
     """``T_world_grip``: x across the pads, y from the palm towards the object.
 
-    The grip is on the body, as near to the human as it goes, across its narrower side.
+    The grip is on the body, as near to the human as it goes, across the narrowest direction there.
     """
     vertices = points(world.object_pose(), collision_vertices(world.asset)["body"])
     reach = vertices @ away
-    hand = world.tcp(giver)
-    end = float(reach.max()) - 0.5 * PAD[1] * 0.8
-    at = max(end, float(hand @ away) + ROOM)
+    end = float(reach.max()) - 0.4 * PAD[1]
+    at = max(end, float(world.tcp(giver) @ away) + ROOM)
     slab = vertices[np.abs(reach - at) < 0.5 * PAD[1]]
     slab = slab if len(slab) >= 4 else vertices[np.abs(reach - reach.max()) < PAD[1]]
-    up, level = np.array([0.0, 0.0, 1.0]), np.cross(away, [0.0, 0.0, 1.0])
-    spans = {name: np.ptp(slab @ axis) for name, axis in (("up", up), ("level", level))}
-    across = level if spans["level"] <= spans["up"] + 0.010 else up
-    other_axis = up if across is level else level
-    middle = sum(0.5 * ((slab @ axis).max() + (slab @ axis).min()) * axis for axis in (across, other_axis))
-    y = -away
-    return pin.SE3(np.column_stack([across, y, np.cross(across, y)]), np.asarray(middle + at * away))
+    plane = np.column_stack([np.cross(away, [0.0, 0.0, 1.0]), [0.0, 0.0, 1.0]])
+    flat = slab @ plane
+    turns = np.linspace(0.0, np.pi, 12, endpoint=False)
+    ways = np.column_stack([np.cos(turns), np.sin(turns)])
+    across = plane @ ways[int(np.argmin(np.ptp(flat @ ways.T, axis=0)))]
+    middle = plane @ (0.5 * (flat.max(axis=0) + flat.min(axis=0)))
+    return pin.SE3(np.column_stack([across, -away, np.cross(across, -away)]), np.asarray(middle + at * away))

@@ -75,6 +75,7 @@ def test_a_group_leaves_out_what_a_source_lacks_but_a_name_does_not(tmp_path: Pa
 def test_a_class_of_the_paper_for_every_failure() -> None:
     assert failure_class("Bowl", "grasp", "collision", "left/panda_hand hits table 6 mm deep") == "near-table geometry"
     assert failure_class("Bowl", "push", "slipped", "it turned away") == "one-shot push instability"
+    assert failure_class("Remote", "retreat", "fell", "the object fell off the table") == "one-shot push instability"
     assert failure_class("USB", "pregrasp", "not_held", "fingers closed beside it") == "small parts"
     assert failure_class("Bottle", "operate", "not_moved", "joint moved 3 of 16 mm") == "interaction-pose sensitivity"
     assert failure_class("Lighter", "operate", "proposal", "out of view") == "occlusion"
