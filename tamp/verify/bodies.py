@@ -86,8 +86,7 @@ class Operated(Carried):
         self.part, self.side, self.template = asset.part, side, template
         gripper = body.cell.workcell.arm(side).gripper
         self.T_hand_tcp = pin.SE3(np.eye(3), np.array([0.0, 0.0, gripper.tcp_offset]))
-        gaps = [body.cell.finger_gap(side, finger) for finger in (0, 1)] if template == "press" else [0.0]
-        self.slack = max(0.0, min(gaps))
+        self.slack = max(0.0, finger_gap(body.cell, side)) if template == "press" else 0.0
         self.before: pin.SE3 | None = None
         self.moved = 0.0
 
@@ -108,7 +107,7 @@ class Operated(Carried):
 
 
 class Dragged(Carried):
-    """The object while a hand on top of it drags it along the table: it does what the hand does."""
+    """The object while a hand on top of it or behind it moves it along the table: it does what the hand does."""
 
     def __init__(self, body: Body, side: Side) -> None:
         super().__init__(body)
@@ -151,7 +150,7 @@ class Pressed(Carried):
         """Turn the object as far as the hand has descended since it met it."""
         cell = self.body.cell
         height = float(cell.hand(self.side).translation[2])
-        if self.met is None and meets(cell, self.side):
+        if self.met is None and finger_gap(cell, self.side) <= 0.0:
             self.met = height
         if self.met is not None:
             share = (self.met - height) / max(self.met - self.lowest, 1e-9)
@@ -160,18 +159,17 @@ class Pressed(Carried):
 
     def end(self) -> list[tuple[Kind, str]]:
         """Tell when the hand met nothing."""
-        return [] if self.met is not None else [missed(self.body.cell, self.side)]
+        return [] if self.met is not None else [missed(self.side, finger_gap(self.body.cell, self.side))]
 
 
-def meets(cell: GhostCell, side: Side) -> bool:
-    """Whether a finger touches the object."""
-    return min(cell.finger_gap(side, finger) for finger in (0, 1)) <= 0.0
+def finger_gap(cell: GhostCell, side: Side) -> float:
+    """Distance from the nearer finger of a hand to the object [m]."""
+    return min(cell.finger_gap(side, finger) for finger in (0, 1))
 
 
-def missed(cell: GhostCell, side: Side) -> tuple[Kind, str]:
-    """That a descent ended without a contact, in words."""
-    gap = min(cell.finger_gap(side, finger) for finger in (0, 1))
-    return "misses_object", f"the {side} fingers end {1e3 * gap:.1f} mm from the object that they should press on"
+def missed(side: Side, gap: float) -> tuple[Kind, str]:
+    """That a hand ended without a contact, in words."""
+    return "misses_object", f"the {side} fingers end {1e3 * gap:.1f} mm from the object that they should move"
 
 
 def tilt_faults(table: Table, vertices: Array, T_before: pin.SE3, T_after: pin.SE3) -> list[tuple[Kind, str]]:

@@ -18,11 +18,11 @@ from tamp.verify.bodies import (
     Operated,
     Pressed,
     beyond_edge,
-    meets,
+    finger_gap,
     missed,
     tilt_faults,
 )
-from tamp.verify.contacts import Lookout, Seen
+from tamp.verify.contacts import SHALLOW, Lookout, Seen
 from tamp.verify.curves import JOINT, OVER, SAMPLE, examine
 from tamp.verify.found import Kind, Verification, Violation
 from tamp.verify.rules import (
@@ -35,7 +35,9 @@ from tamp.verify.rules import (
     hands_over,
     in_order,
     may_touch,
+    meets_level,
     pair_of,
+    presses_on,
     rule_of,
     takes,
 )
@@ -214,11 +216,13 @@ class _Check:
     # -- steps -----------------------------------------------------------------------------------------------------
 
     def _step(self, cell: GhostCell, stage: Stage, number: int, step: Step) -> None:
-        seen = Seen(self._allowed(stage, number))
+        touch = {pair_of(finger, "object") for finger in fingers(self.plan, stage.arm)}
+        seen = Seen(self._allowed(stage, number), touch if meets_level(stage, number) else None)
         match step:
             case Motion():
-                self._forces(step)
+                self._forces(stage, step)
                 self._motion(cell, stage, step, seen)
+                self._met(cell, stage, step, meets_level(stage, number))
             case Grip():
                 self._grip(cell, stage, number, step, seen)
                 self._holder(stage, step, self.body.holder)
@@ -227,7 +231,14 @@ class _Check:
         for text, at in seen.told():
             self.say("contact", text, at)
 
-    def _forces(self, step: Motion) -> None:
+    def _met(self, cell: GhostCell, stage: Stage, step: Motion, level: bool) -> None:
+        """Whether a hand that should have come to the object to push it has."""
+        if not level and (stage.name, step.template) != ("push", "descend"):
+            return
+        if (gap := finger_gap(cell, stage.arm)) > (SHALLOW if level else 0.0):
+            self.say(*missed(stage.arm, gap), step.duration)
+
+    def _forces(self, stage: Stage, step: Motion) -> None:
         for name, force in (("guard", step.guard), ("force", step.force)):
             if force is not None and not 0.0 < force <= STRONGEST:
                 self.say(
@@ -236,7 +247,7 @@ class _Check:
                 )
         if step.template in GUARDED and step.guard is None:
             self.say("unguarded", f"the {step.template} goes past the expected contact without a force to stop at")
-        if step.template == "drag" and step.force is None:
+        if step.template == "drag" and step.force is None and presses_on(stage):
             self.say("unguarded", "the drag presses on the object without a force to keep")
 
     def _holder(self, stage: Stage, step: Step, expected: Side | None) -> None:
@@ -264,8 +275,6 @@ class _Check:
             self.lookout.look(cell, float(t), seen)
         for kind, text in carried.end():
             self.say(kind, text, step.duration)
-        if stage.name == "push" and step.template == "descend" and not meets(cell, side):
-            self.say(*missed(cell, side), step.duration)
         self.q[side] = curve.positions[-1]
 
     def _carried(self, cell: GhostCell, stage: Stage, step: Motion, positions: Array) -> Carried:

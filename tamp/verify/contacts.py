@@ -9,6 +9,9 @@ from worlds.bullet.ghost import GhostCell, Names
 PENETRATION = 0.001
 """Depth that counts as a collision [m]: PyBullet rounds each hull by a millimetre, so a touch shows as up to 2 mm."""
 
+SHALLOW = 0.003
+"""The same for bodies that are meant to touch but not to press [m]: a touch and a millimetre."""
+
 CLEARANCE_EVERY = 25
 """Every how many states the distances of bodies that do not touch are measured."""
 
@@ -27,10 +30,15 @@ class _Worst:
 
 
 class Seen:
-    """Unintended contacts met in one step; those in ``allowed`` are intended."""
+    """Unintended contacts met in one step.
 
-    def __init__(self, allowed: set[Names]) -> None:
-        self.allowed = allowed
+    Attributes:
+        allowed: Contacts that are intended.
+        shallow: Those among them in which nothing may press.
+    """
+
+    def __init__(self, allowed: set[Names], shallow: set[Names] | None = None) -> None:
+        self.allowed, self.shallow = allowed, allowed & (shallow or set())
         self._worst: dict[Names, _Worst] = {}
 
     def note(self, pair: Names, t: float, depth: float) -> None:
@@ -69,6 +77,8 @@ class Lookout:
             self.clearance = min([self.clearance, *wide])
         self.states += 1
         for pair, distance in cell.near().items():
+            if pair in seen.shallow and distance < -SHALLOW and (depth := -cell.distance(pair)) > SHALLOW:
+                seen.note(pair, t, depth)
             if pair in seen.allowed or (distance >= self.clearance and distance >= -PENETRATION):
                 continue
             fresh = cell.distance(pair)  # what the engine remembers of a contact may be stale

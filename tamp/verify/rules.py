@@ -28,7 +28,8 @@ class Rule:
         role: Who acts.
         held: Who must hold the object when the stage begins; ``None`` for nobody.
         touch: What may touch the object: ``table``, or a role, whose fingers are meant. ``arrived`` before a role means
-            from the end of its approach on, ``leaving`` until it has moved straight away.
+            from the end of its approach on, ``meeting`` from the end of its approach on or, where the hand does not
+            descend onto the object, in the last part of it, ``leaving`` until it has moved straight away.
     """
 
     role: Role
@@ -51,7 +52,7 @@ RULES: dict[TaskType, dict[StageName, Rule]] = {
         "retreat": Rule("primary", "assistant", ("assistant", "primary")),
     },
     "edge_push": {
-        "push": Rule("assistant", None, ("table", "arrived assistant")),
+        "push": Rule("assistant", None, ("table", "meeting assistant")),
         "retreat": Rule("assistant", None, ("table", "leaving assistant")),
         "grasp": Rule("primary", None, ("table", "arrived primary")),
         "lift": Rule("primary", "primary", ("table", "primary")),
@@ -125,6 +126,8 @@ def _now(when: str, stage: Stage, number: int) -> bool:
     match when:
         case "arrived":
             return arrived(stage, number)
+        case "meeting":
+            return arrived(stage, number) or meets_level(stage, number)
         case "leaving":
             return not any(_is(step, "free") for step in stage.steps[: number + 1])
         case _:
@@ -134,6 +137,17 @@ def _now(when: str, stage: Stage, number: int) -> bool:
 def arrived(stage: Stage, number: int) -> bool:
     """Whether the hand is where it acts: no way there is left in this step or after it."""
     return not any(_is(step, "free", "approach") for step in stage.steps[number:])
+
+
+def meets_level(stage: Stage, number: int) -> bool:
+    """Whether a hand comes up to an object from behind in a step, to push it without pressing on it."""
+    level = stage.name == "push" and not presses_on(stage)
+    return level and _is(stage.steps[number], "approach") and arrived(stage, number + 1)
+
+
+def presses_on(stage: Stage) -> bool:
+    """Whether a push presses on the object from above."""
+    return any(_is(step, *GUARDED) for step in stage.steps)
 
 
 def takes(stage: Stage, number: int) -> bool:

@@ -16,6 +16,8 @@ from typing import Any
 
 import pytest
 
+from tamp import episode
+from tamp.cli.plan import PROPOSERS
 from tamp.cli.verbs import NAMES
 from tests.conftest import SHARED
 from worlds.tasks import TASKS
@@ -116,6 +118,35 @@ def test_why_tells_what_was_tried(run_dir: Path) -> None:
     assert "<- the plan" in done.stderr
 
 
+def test_why_tells_every_round_of_a_closed_loop(tmp_path: Path) -> None:
+    """The phone is pushed, looked at again, and grasped by a second plan; the first one is kept aside."""
+    folder = tmp_path / "run"
+    done = bipre("plan", "Phone", "--seed", "0", "--closed-loop", "--json", "--out", str(folder))
+    assert done.returncode == 0, done.stderr
+    report = answer(done)
+    assert (report["mode"], report["rounds"]) == ("E3", 2)
+    assert [stage["name"] for stage in report["stages"]] == ["grasp", "lift"]
+    assert "over 2 rounds" in done.stderr
+    told = bipre("why", str(folder), "--json")
+    assert told.returncode == 0
+    rounds = answer(told)
+    assert rounds["rounds"] == 2
+    assert [searched["status"] for searched in rounds["earlier"]] == ["success"]
+    assert "push(" in rounds["earlier"][0]["skeletons"][0][0]
+    assert rounds["skeletons"][rounds["chosen"]][0].startswith("grasp(")
+    assert told.stderr.index("round 1 of 2") < told.stderr.index("round 2 of 2")
+    for place in (folder, folder / "round-0"):
+        assert bipre("verify", str(place)).returncode == 0
+
+
+def test_without_resampling_the_report_says_so(tmp_path: Path) -> None:
+    done = bipre(
+        "plan", "Phone", "--seed", "0", "--no-resample", "--no-execute", "--json", "--out", str(tmp_path / "r")
+    )
+    assert answer(done)["mode"] == "E1"
+    assert {stage["candidates_tried"] for stage in answer(done)["stages"]} <= {1}
+
+
 def test_why_of_a_failure_names_stage_reason_and_numbers(tmp_path: Path) -> None:
     """An object pose that this object cannot have makes every candidate fail; the trace says how."""
     cell = (resources.files("robots") / "workcells" / "panda_pair.toml").read_text("utf-8")
@@ -208,10 +239,14 @@ def test_every_verb_has_help_on_its_arguments(verb: str) -> None:
     assert done.stdout == ""
 
 
-def test_help_names_every_category() -> None:
+def test_help_names_every_category_proposer_and_object_source() -> None:
     said = bipre("plan", "--help").stderr
-    for category in TASKS:
-        assert category in said
+    for word in (*TASKS, *PROPOSERS, "synthetic", "partnet:DIR", "mesh:DIR"):
+        assert word in said
+
+
+def test_the_proposers_refused_early_are_those_that_an_episode_knows() -> None:
+    assert PROPOSERS == episode.PROPOSERS
 
 
 def test_the_overview_lists_every_verb_and_loads_nothing_heavy() -> None:
@@ -241,9 +276,15 @@ def test_importing_tamp_loads_no_simulator_viewer_or_network() -> None:
     ("words", "message"),
     [
         (("paln", "Bottle"), 'No verb "paln". Did you mean "plan"? Verbs: ' + ", ".join(NAMES) + "."),
-        (("plan", "Botle"), 'No category "Botle". Did you mean "Bottle"? Valid: Bottle, Dispenser, '),
-        (("plan", "bottle"), 'No category "bottle". Did you mean "Bottle"? Valid: Bottle, Dispenser, '),
+        (("plan", "Botle"), 'No category "Botle". Did you mean "Bottle"? Valid: Bottle, Bowl, Cap, Dispenser, '),
+        (("plan", "bottle"), 'No category "bottle". Did you mean "Bottle"? Valid: Bottle, Bowl, Cap, Dispenser, '),
         (("plan", "Bottle", "--proposer", "heuristc"), 'No proposer "heuristc". Did you mean "heuristic"?'),
+        (("plan", "Bottle", "--proposer", "psychic"), "Valid: heuristic, uniform"),
+        (("plan", "Handover-Botle"), 'No category "Handover-Botle". Did you mean "Handover-Bottle"?'),
+        (("plan", "Phone", "--closed-loop", "--no-resample"), "--closed-loop tries again and --no-resample does not;"),
+        (("plan", "Phone", "--closed-loop", "--no-execute"), "--closed-loop needs the execution that --no-execute"),
+        (("plan", "Phone", "--max-pushes", "0"), "--max-pushes 0 is too few; give 1 or more."),
+        (("plan", "Phone", "--max-pushes", "two"), "'two' is not a whole number"),
         (("plan", "Bottle", "--workcell", "panda_pear"), 'No workcell "panda_pear". Did you mean "panda_pair"?'),
         (("plan", "Bottle", "--instance", "bottle-0"), 'No Bottle instance "bottle-0". Did you mean'),
         (("plan", "Bottle", "--asset", "sinthetic"), "sinthetic"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from msgspec.structs import replace
 
 from planners import cartesian
 from planners.motion import JointPath
@@ -18,6 +19,7 @@ from tamp import plan as plan_file
 from tamp.episode import Report
 from tamp.verify import verify
 from tamp.verify.bodies import tilt_faults
+from tamp.verify.rules import may_touch, meets_level
 from tests.tamp.test_verify import Raw, changed, closing, found, renamed, stage, step
 from worlds import scene
 from worlds.assets import library
@@ -188,6 +190,62 @@ def test_another_task_than_the_category_has_is_found(pushed: bytes) -> None:
         raw["category"] = "Handover-Bottle"
 
     assert "is no edge_push task with a Phone" in found(verify(changed(pushed, plant)), "structure")[0].detail
+
+
+# -- push from behind --------------------------------------------------------------------------------------------------
+
+
+def pushing(*templates: str, force: float | None = None) -> plan_file.Stage:
+    """A push whose motions have these templates and nothing else of interest."""
+    still = {"times": [0.0, 1.0], "positions": [[0.0] * 7] * 2, "velocities": [[0.0] * 7] * 2, "allowed": []}
+    return plan_file.Stage(
+        name="push",
+        arm="left",
+        role="assistant",
+        steps=[plan_file.Motion(template=name, holder=None, force=force, **still) for name in templates],  # type: ignore[arg-type]
+        candidates_tried=1,
+        score=1.0,
+        T_hand_object=None,
+        T_world_object=plan_file.matrix(pin.SE3.Identity()),
+    )
+
+
+def test_only_a_hand_that_does_not_press_from_above_may_touch_while_it_approaches(pushed: bytes) -> None:
+    plan = plan_file.decode(pushed, "plan")
+    finger = ("left/panda_leftfinger", "object")
+    plan = replace(plan, assistant="left", primary="right")
+    above = pushing("free", "approach", "descend", "drag")
+    behind = pushing("free", "approach", "approach", "drag")
+    touching = [[finger in may_touch(plan, stage, k) for k in range(4)] for stage in (above, behind)]
+    assert touching == [[False, False, True, True], [False, False, True, True]]
+    assert [[meets_level(stage, k) for k in range(4)] for stage in (above, behind)] == [
+        [False, False, False, False],
+        [False, False, True, False],
+    ]
+
+
+def test_a_hand_behind_an_object_must_come_to_it_without_pressing(bowl: tuple[Report, Path], arms: DualArm) -> None:
+    """It is moved 8 mm back, so that it falls short, or 8 mm forward, so that it would be inside the bowl."""
+    saved = (bowl[1] / plan_file.PLAN_FILE).read_bytes()
+    plan = plan_file.decode(saved, "plan")
+    assert [s.template for s in plan.stages[0].steps if isinstance(s, plan_file.Motion)][-2:] == ["approach", "drag"]
+    assert verify(plan).violations == []
+
+    def shifted(raw: Raw, forward: float) -> None:
+        side = raw["assistant"]
+        closing_in = [s for s in stage(raw, "push")["steps"] if s.get("template") == "approach"][-1]
+        end, still = np.array(closing_in["positions"][-1]), np.array(raw["start"][raw["primary"]])
+        T_end = arms[side].hand(end)
+        T_other = pin.SE3(T_end.rotation, T_end.translation + np.array([0.0, -forward, 0.0]))
+        way = cartesian.straight(None, arms[side], end, T_other, still)
+        assert isinstance(way, JointPath)
+        ways = [closing_in["positions"][0], way.points[-1].tolist()]
+        closing_in.update(positions=ways, velocities=np.zeros((2, 7)).tolist(), times=[0.0, 4.0])
+
+    short = verify(changed(saved, lambda raw: shifted(raw, -0.008)))
+    assert [hit.stage for hit in found(short, "misses_object")] == ["push"]
+    inside = verify(changed(saved, lambda raw: shifted(raw, 0.008)))
+    assert any(hit.stage == "push" and "finger" in hit.detail for hit in found(inside, "contact"))
 
 
 # -- press -----------------------------------------------------------------------------------------------------------
