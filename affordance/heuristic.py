@@ -61,7 +61,7 @@ FINGER_THICK = 0.016
 OUT_ON_LEVER = 0.007
 """How far beyond its best spot a lever is pressed [m]: most of a finger tip's half width."""
 
-ROOM_WANTED, ROOM_WORTH = 0.11, 12.0
+ROOM_WANTED, ROOM_WORTH = 0.07, 12.0
 """Distance between grasp and functional end that leaves room for a human's hand [m], and its worth [1/m]."""
 
 UPRIGHT = 0.8

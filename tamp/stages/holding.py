@@ -19,6 +19,7 @@ from tamp.stages.cell import (
     OPEN_TIME,
     Cell,
     closing,
+    drawn_back,
     raised,
     touching,
 )
@@ -26,6 +27,9 @@ from worlds import physics
 
 PULL = 8.0
 """Pull at the wrist at which the assistant lets go [N]: above what carrying shakes, below the human's 15 N."""
+
+WITHDRAW = 0.07
+"""How far the open hand draws back from what it has given [m]."""
 
 PATIENCE = 12.0
 """Longest wait for the human [s]."""
@@ -97,12 +101,18 @@ def present(
         holder=None,
         T_object=T_world_hand * situation.T_object,
         openings={**after.openings, side: travel},
-        touching=(),
+        touching=mine,
     )
+    q, leaving = after.q[side], given.setting()
+    back = cell.line(leaving, side, q, drawn_back(cell.arms[side].hand(q), WITHDRAW), given, "release")
+    if isinstance(back, Reject):
+        return back.at("release")
     letting_go = (
         Pause(side, PULL, PATIENCE, mine, side),
         Squeeze(side, travel, physics.OPEN_FORCE, OPEN_TIME + 0.4, mine, None),
+        Leg(side, "retreat", back, CONTACT_SPEED, leaving),
     )
+    given = given.moved(side, back.points[-1], touching=())
     return [
         Draft("present", side, "assistant", (leg,), situation, after, pose.score),
         Draft("release", side, "assistant", letting_go, after, given),

@@ -24,14 +24,14 @@ PAD = (0.012, 0.044, 0.030)
 WIDEST = 0.110
 """Largest distance between the pads [m]; an adult's grip spans 100 to 130 mm."""
 
-GRIP = 30.0
+GRIP = 45.0
 """Force of each pad [N]; light grips are 20 to 60 N."""
 
 FAR = 0.22
 """Where the hand starts, away from where it grips [m]."""
 
-REACH_SPEED = 0.25
-"""Speed of the approach and of drawing back [m/s]."""
+REACH_SPEED, LEAVE_SPEED = 0.25, 0.10
+"""Speeds of the approach and of drawing back with the object [m/s]."""
 
 PULL_RATE = 8.0
 """How fast the pull grows [N/s]."""
@@ -171,7 +171,7 @@ class HumanHand:
             self.phase, self._firm = "leave", STIFF
 
     def _leave(self) -> None:
-        self._offset = min(BACK, self._offset + REACH_SPEED * physics.STEP)
+        self._offset = min(BACK, self._offset + LEAVE_SPEED * physics.STEP)
         if self._offset == BACK:
             self.phase = "rest"
 
