@@ -1,4 +1,8 @@
-"""How far bounding spheres are from each other and from what stands in the world, for sixteen configurations."""
+"""How far spheres are from each other and from what stands in the world, for sixteen configurations.
+
+Every sphere has two radii: the larger one, ``less``, contains its part of a shape, so that its gap is a lower bound of
+the distance; the smaller one, ``core``, lies inside the shape, so that where it overlaps the shapes certainly touch.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +24,7 @@ from planners.compiled.layout import (
 
 
 @lanes
-def _to_box(centre, s, shape_f, b, less, gap):  # type: ignore[no-untyped-def]
+def _to_box(centre, s, shape_f, b, less, core, gap, deep):  # type: ignore[no-untyped-def]
     """Distance of a sphere's centres from the oriented box of a shape, less a radius."""
     R, t, h = BOX_ROTATION, BOX_POSITION, BOX_HALF
     r0, r1, r2 = np.float32(shape_f[b, R]), np.float32(shape_f[b, R + 1]), np.float32(shape_f[b, R + 2])
@@ -28,24 +32,27 @@ def _to_box(centre, s, shape_f, b, less, gap):  # type: ignore[no-untyped-def]
     r6, r7, r8 = np.float32(shape_f[b, R + 6]), np.float32(shape_f[b, R + 7]), np.float32(shape_f[b, R + 8])
     t0, t1, t2 = np.float32(shape_f[b, t]), np.float32(shape_f[b, t + 1]), np.float32(shape_f[b, t + 2])
     h0, h1, h2 = np.float32(shape_f[b, h]), np.float32(shape_f[b, h + 1]), np.float32(shape_f[b, h + 2])
-    less, zero = np.float32(less), np.float32(0.0)
+    less, core, zero = np.float32(less), np.float32(core), np.float32(0.0)
     for l in range(LANES):
         x, y, z = centre[s, 0, l] - t0, centre[s, 1, l] - t1, centre[s, 2, l] - t2
         u = abs(r0 * x + r3 * y + r6 * z) - h0
         v = abs(r1 * x + r4 * y + r7 * z) - h1
         w = abs(r2 * x + r5 * y + r8 * z) - h2
         p, q, r = max(u, zero), max(v, zero), max(w, zero)
-        gap[l] = min(gap[l], np.sqrt(p * p + q * q + r * r) + min(max(u, max(v, w)), zero) - less)
+        far = np.sqrt(p * p + q * q + r * r) + min(max(u, max(v, w)), zero)
+        gap[l] = min(gap[l], far - less)
+        deep[l] = min(deep[l], far - core)
 
 
 @lanes
-def _to_cylinder(centre, s, shape_f, b, less, gap):  # type: ignore[no-untyped-def]
+def _to_cylinder(centre, s, shape_f, b, less, core, gap, deep):  # type: ignore[no-untyped-def]
     """Distance of a sphere's centres from a cylinder, less a radius."""
     t, R = POSITION, ROTATION
     t0, t1, t2 = np.float32(shape_f[b, t]), np.float32(shape_f[b, t + 1]), np.float32(shape_f[b, t + 2])
     z0, z1, z2 = np.float32(shape_f[b, R + 2]), np.float32(shape_f[b, R + 5]), np.float32(shape_f[b, R + 8])
     radius, half = np.float32(shape_f[b, PARAM]), np.float32(shape_f[b, PARAM + 1])
-    less, zero = np.float32(less + shape_f[b, RADIUS]), np.float32(0.0)
+    less, core = np.float32(less + shape_f[b, RADIUS]), np.float32(core + shape_f[b, RADIUS])
+    zero = np.float32(0.0)
     for l in range(LANES):
         x, y, z = centre[s, 0, l] - t0, centre[s, 1, l] - t1, centre[s, 2, l] - t2
         along = x * z0 + y * z1 + z * z2
@@ -53,57 +60,72 @@ def _to_cylinder(centre, s, shape_f, b, less, gap):  # type: ignore[no-untyped-d
         side = np.sqrt(u * u + v * v + w * w) - radius
         end = abs(along) - half
         p, q = max(side, zero), max(end, zero)
-        gap[l] = min(gap[l], np.sqrt(p * p + q * q) + min(max(side, end), zero) - less)
+        far = np.sqrt(p * p + q * q) + min(max(side, end), zero)
+        gap[l] = min(gap[l], far - less)
+        deep[l] = min(deep[l], far - core)
 
 
 @lanes
-def _to_point(centre, s, shape_f, b, less, gap):  # type: ignore[no-untyped-def]
+def _to_point(centre, s, shape_f, b, less, core, gap, deep):  # type: ignore[no-untyped-def]
     """Distance of a sphere's centres from a sphere of the world, less a radius."""
     t = POSITION
     t0, t1, t2 = np.float32(shape_f[b, t]), np.float32(shape_f[b, t + 1]), np.float32(shape_f[b, t + 2])
-    less = np.float32(less + shape_f[b, RADIUS])
+    less, core = np.float32(less + shape_f[b, RADIUS]), np.float32(core + shape_f[b, RADIUS])
     for l in range(LANES):
         x, y, z = centre[s, 0, l] - t0, centre[s, 1, l] - t1, centre[s, 2, l] - t2
-        gap[l] = min(gap[l], np.sqrt(x * x + y * y + z * z) - less)
+        far = np.sqrt(x * x + y * y + z * z)
+        gap[l] = min(gap[l], far - less)
+        deep[l] = min(deep[l], far - core)
 
 
 @lanes
-def to_sphere(centre, s, o, less, gap):  # type: ignore[no-untyped-def]
+def to_sphere(centre, s, o, less, core, gap, deep):  # type: ignore[no-untyped-def]
     """Lower every gap to the distance between two spheres' centres, less the radii."""
-    less = np.float32(less)
+    less, core = np.float32(less), np.float32(core)
     for l in range(LANES):
         x = centre[s, 0, l] - centre[o, 0, l]
         y = centre[s, 1, l] - centre[o, 1, l]
         z = centre[s, 2, l] - centre[o, 2, l]
-        gap[l] = min(gap[l], np.sqrt(x * x + y * y + z * z) - less)
+        far = np.sqrt(x * x + y * y + z * z)
+        gap[l] = min(gap[l], far - less)
+        deep[l] = min(deep[l], far - core)
 
 
 @lanes
-def to_world(kind, shape_f, b, centre, s, less, gap):  # type: ignore[no-untyped-def]
+def to_world(kind, shape_f, b, centre, s, less, core, gap, deep):  # type: ignore[no-untyped-def]
     """Lower every gap to the distance of a sphere from a shape of the world."""
     if kind == CYLINDER:
-        _to_cylinder(centre, s, shape_f, b, less, gap)
+        _to_cylinder(centre, s, shape_f, b, less, core, gap, deep)
     elif kind == POINT:
-        _to_point(centre, s, shape_f, b, less, gap)
+        _to_point(centre, s, shape_f, b, less, core, gap, deep)
     else:
-        _to_box(centre, s, shape_f, b, less, gap)
+        _to_box(centre, s, shape_f, b, less, core, gap, deep)
 
 
 @lanes
-def widen(gap):  # type: ignore[no-untyped-def]
+def widen(gap, deep):  # type: ignore[no-untyped-def]
     """Forget the gaps."""
     for l in range(LANES):
-        gap[l] = np.float32(np.inf)
+        gap[l] = deep[l] = np.float32(np.inf)
+
+
+@lanes
+def least(values):  # type: ignore[no-untyped-def]
+    """The smallest value."""
+    found = np.float32(np.inf)
+    for l in range(LANES):
+        found = min(found, values[l])
+    return found
 
 
 @lanes
 def take(gap, drift):  # type: ignore[no-untyped-def]
     """Take the drift from every gap; the smallest gap."""
-    least = np.float32(np.inf)
+    found = np.float32(np.inf)
     for l in range(LANES):
         gap[l] -= drift[l]
-        least = min(least, gap[l])
-    return least
+        found = min(found, gap[l])
+    return found
 
 
 @lanes

@@ -61,6 +61,16 @@ def sphere_cover(vertices: Array, count: int = SPHERES) -> tuple[Array, Array]:
     return np.array([part[0] for part in parts]), np.array([part[1] for part in parts])
 
 
+def inner_radii(vertices: Array, centres: Array) -> Array:
+    """Radii ``(k,)`` [m] of spheres about the centres inside the hull of the vertices; ``-inf`` for centres outside."""
+    try:
+        faces = ConvexHull(vertices).equations
+    except QhullError:
+        return np.full(len(centres), -np.inf)
+    radii = -(centres @ faces[:, :3].T + faces[:, 3]).max(axis=1)
+    return np.where(radii > 0.0, radii, -np.inf)
+
+
 def _halves(vertices: Array) -> list[Array]:
     """The vertices of both parts of a convex solid, cut across its longest direction."""
     direction = np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)[2][0]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.compiled.bounds import drift_of, take, to_sphere, to_world, widen
+from planners.compiled.bounds import drift_of, least, take, to_sphere, to_world, widen
 from planners.compiled.jit import kernel
 from planners.compiled.kinematics import place_joints, place_sphere, place_sway
 from planners.compiled.layout import (
@@ -18,6 +18,7 @@ from planners.compiled.layout import (
     FINE_LAST,
     FREE,
     HIT,
+    HULL,
     LANES,
     PAIR_A,
     PAIR_B,
@@ -80,6 +81,26 @@ def _exact(shape_i, shape_f, verts, rot, pos, narrow, axis, pair, a, b, l, drift
 
 
 @kernel
+def _touched(deep, bar, verdict):  # type: ignore[no-untyped-def]
+    """Mark the lanes in which spheres inside both shapes overlap; whether there is one."""
+    if least(deep) >= bar:
+        return False
+    for l in range(LANES):
+        if deep[l] < bar:
+            verdict[l] = HIT
+    return True
+
+
+@kernel
+def _first(order, n):  # type: ignore[no-untyped-def]
+    """Move one pair to the front: what touched once often touches again."""
+    pair = order[n]
+    for k in range(n, 0, -1):
+        order[k] = order[k - 1]
+    order[0] = pair
+
+
+@kernel
 def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-untyped-def]
     """Judge the sixteen cells in ``work.q`` and ``work.e``; verdicts go to ``work.verdict``.
 
@@ -96,7 +117,8 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
         Whether a certain contact was found; with ``stop`` its pair is then the first of ``work.order``.
     """
     joint_i, joint_f, chain, reach, shape_i, shape_f, verts, fine, pair_i = tables
-    q, e, rot, pos, centre, sway, spheres, known, drift, gap, axis, narrow, order, left, verdict, _, _ = work
+    q, e, rot, pos, centre, sway, spheres, known, drift, gap, deep, axis, narrow, order, left, verdict, _, _, count = work
+    count[0] += 1
     place_joints(joint_i, joint_f, q, rot, pos)
     for s in range(known.shape[0]):
         known[s, 0] = known[s, 1] = 0
@@ -121,14 +143,14 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
                     place_sway(joint_i, chain, reach, j, s, shape_f[s, BOUND], e, rot, pos, centre, sway, gap)
         if not still:
             drift_of(sway, a, b, fixed, pair_i[pair, PAIR_COMMON], slack, drift)
-        widen(gap)
+        widen(gap, deep)
         if fixed:
-            to_world(kind, shape_f, b, centre, a, shape_f[a, BOUND], gap)
+            to_world(kind, shape_f, b, centre, a, shape_f[a, BOUND], 0.0, gap, deep)
         else:
-            to_sphere(centre, a, b, shape_f[a, BOUND] + shape_f[b, BOUND], gap)
+            to_sphere(centre, a, b, shape_f[a, BOUND] + shape_f[b, BOUND], 0.0, gap, deep)
         if take(gap, drift) > bar:
             continue
-        widen(gap)
+        widen(gap, deep)
         a0, a1 = shape_i[a, FINE_FIRST], shape_i[a, FINE_LAST]
         b0, b1 = shape_i[b, FINE_FIRST], shape_i[b, FINE_LAST]
         for turn in range(1 if fixed else 2):
@@ -139,12 +161,19 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
                     place_sphere(rot, pos, j, fine[0, k], fine[1, k], fine[2, k], spheres, k)
         for k in range(a0, a1):
             if fixed:
-                to_world(kind, shape_f, b, spheres, k, fine[3, k], gap)
+                to_world(kind, shape_f, b, spheres, k, fine[3, k], fine[4, k], gap, deep)
             else:
                 for m in range(b0, b1):
-                    to_sphere(spheres, k, m, fine[3, k] + fine[3, m], gap)
+                    to_sphere(spheres, k, m, fine[3, k] + fine[3, m], fine[4, k] + fine[4, m], gap, deep)
         if take(gap, drift) > bar:
             continue
+        if kind != HULL or not fixed:
+            touched = _touched(deep, np.float32(margin - SINGLE_PAD), verdict)
+            if touched:
+                found = True
+                if stop:
+                    _first(order, n)
+                    return True
         worst = 0
         for l in range(LANES):
             if gap[l] < gap[worst]:
@@ -161,8 +190,6 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
             if judged == HIT:
                 found = True
                 if stop:
-                    for k in range(n, 0, -1):
-                        order[k] = order[k - 1]
-                    order[0] = pair
+                    _first(order, n)
                     return True
     return found

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from planners.compiled import layout as at
-from planners.compiled.covers import bounding_sphere, oriented_box, sphere_cover
+from planners.compiled.covers import bounding_sphere, inner_radii, oriented_box, sphere_cover
 from robots.errors import BadWorkcell
 from robots.spatial import Array
 
@@ -28,7 +28,7 @@ class Tables(NamedTuple):
         shape_i: ``(shapes, 6)``.
         shape_f: ``(shapes, 35)``.
         verts: ``(3, vertices)`` in joint frames [m].
-        fine: ``(4, spheres)`` centres in joint frames and radii [m].
+        fine: ``(5, spheres)`` centres in joint frames, radii that cover and radii that lie inside [m].
         pair_i: ``(pairs, 4)``.
     """
 
@@ -167,7 +167,7 @@ def shape_rows(chain: Chain, shapes: Sequence[Shape], spheres: int) -> ShapeRows
     shape_i = np.zeros((len(shapes), 6), dtype=np.int32)
     shape_f = np.zeros((len(shapes), at.SHAPE_WIDTH))
     reach = np.zeros((len(shapes), chain.chain.shape[1]))
-    verts, fine, count, covered = [np.zeros((0, 3))], [np.zeros((0, 4))], 0, 0
+    verts, fine, count, covered = [np.zeros((0, 3))], [np.zeros((0, 5))], 0, 0
     for k, shape in enumerate(shapes):
         T = chain.placed(shape.joint, shape.T_joint_shape)
         corners, round_by = _corners(shape)
@@ -197,7 +197,8 @@ def shape_rows(chain: Chain, shapes: Sequence[Shape], spheres: int) -> ShapeRows
             verts.append(placed)
             count += len(placed)
         shape_i[k] = shape.joint, shape.kind, first, count, covered, covered + len(radii)
-        fine.append(np.column_stack([centres, radii + round_by]))
+        inside = inner_radii(placed, centres) if len(radii) else np.zeros(0)
+        fine.append(np.column_stack([centres, radii + round_by, inside + round_by]))
         covered += len(radii)
         reach[k] = chain.reaches(shape.joint, float(np.linalg.norm(placed, axis=1).max()) + round_by)
     return ShapeRows(

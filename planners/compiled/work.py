@@ -15,6 +15,7 @@ DEEPEST = 4096
 
 Singles = np.ndarray[Any, np.dtype[np.float32]]
 Bytes = np.ndarray[Any, np.dtype[np.uint8]]
+Longs = np.ndarray[Any, np.dtype[np.int64]]
 Integers = np.ndarray[Any, np.dtype[np.int32]]
 
 
@@ -31,12 +32,14 @@ class Work(NamedTuple):
         known: ``(shapes, 2)`` whether centre and sway, and whether the fine spheres are up to date.
         drift: ``(16,)`` how far the two shapes of a pair may come closer.
         gap: ``(16,)`` gap between bounds.
+        deep: ``(16,)`` gap between spheres inside the shapes.
         axis: ``(pairs, 3)`` last separating direction, in the frame of the first shape's joint.
         narrow: ``(16, 3)`` scratch of ``separate``, then a rotation and a position.
         order: ``(pairs,)`` the pairs in the order in which they are looked at.
         open: ``(pairs,)`` which pairs left something unproven.
         verdict: ``(16,)``.
         mids, halves: ``(2, DEEPEST)`` intervals of an edge that wait.
+        count: ``(1,)`` rakes so far.
     """
 
     q: Array
@@ -49,6 +52,7 @@ class Work(NamedTuple):
     known: Bytes
     drift: Singles
     gap: Singles
+    deep: Singles
     axis: Array
     narrow: Array
     order: Integers
@@ -56,6 +60,7 @@ class Work(NamedTuple):
     verdict: Integers
     mids: Array
     halves: Array
+    count: Longs
 
 
 @kernel
@@ -80,6 +85,7 @@ def scratch(tables, slots):  # type: ignore[no-untyped-def]
         np.zeros((shapes, 2), dtype=np.uint8),
         np.zeros(LANES, dtype=np.float32),
         np.empty(LANES, dtype=np.float32),
+        np.empty(LANES, dtype=np.float32),
         np.zeros((pairs, 3)),
         np.empty((16, 3)),
         order,
@@ -87,4 +93,5 @@ def scratch(tables, slots):  # type: ignore[no-untyped-def]
         np.zeros(LANES, dtype=np.int32),
         np.empty((2, DEEPEST)),
         np.empty((2, DEEPEST)),
+        np.zeros(1, dtype=np.int64),
     )
