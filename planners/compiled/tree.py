@@ -16,14 +16,11 @@ from planners.compiled.random import uniform
 DOMAIN = 4.0
 """Furthest sample that a node which failed once is extended to, L2 [rad]."""
 
-SHRINK = 1.0
-"""What remains of a node's domain after each failure."""
+NODES = 50_000
+"""Most nodes of a tree."""
 
-TURNS = 100
+TURNS = 50
 """Failures after which the other tree grows."""
-
-SMALLEST = 4.0
-"""A domain does not shrink below this, L2 [rad]."""
 
 
 @lanes
@@ -118,7 +115,7 @@ def connect(tables, rest, slots, start, goals, bounds, margin, slack, longest, i
             points[0, :] = start
             points[1, :] = goals[g]
             return points, 0, 16 * work.count[0]
-    size, most = start.shape[0], 4 * iterations + goals.shape[0] + 2
+    size, most = start.shape[0], min(NODES, 4 * iterations) + goals.shape[0] + 2
     nodes, parents = np.empty((2, size, most)), np.empty((2, most), dtype=np.int64)
     domain, counts = np.empty((2, most)), np.zeros(2, dtype=np.int64)
     far, sample, step, ends = np.empty(most), np.empty(size), np.empty(size), np.zeros(2, dtype=np.int64)
@@ -142,8 +139,7 @@ def connect(tables, rest, slots, start, goals, bounds, margin, slack, longest, i
         _towards(nodes, side, near, sample, longest, step)
         here[:] = nodes[side, :, near]
         if edge(tables, work, slots, here, step, margin, slack) != FREE:
-            wide = domain[side, near]
-            domain[side, near] = DOMAIN if wide == np.inf else max(SMALLEST, wide * SHRINK)
+            domain[side, near] = DOMAIN
             continue
         there[:] = step
         ends[side] = _add(nodes, parents, domain, counts, side, there, near)
