@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.compiled.jit import entry, kernel
+from planners.compiled.jit import kernel
 from planners.compiled.layout import FREE, HIT, LANES, UNSURE
 from planners.compiled.rake import rake
 from planners.compiled.work import DEEPEST, scratch
@@ -127,16 +127,9 @@ def begin(tables, rest):  # type: ignore[no-untyped-def]
     return work
 
 
-@entry
-def judge_edge(tables, rest, slots, a, b, margin, slack):  # type: ignore[no-untyped-def]
-    """The verdict on one edge; see ``edge``."""
-    return edge(tables, begin(tables, rest), slots, a, b, margin, slack)
-
-
-@entry
-def judge_path(tables, rest, slots, points, margin, slack):  # type: ignore[no-untyped-def]
+@kernel
+def judge_path(tables, work, slots, points, margin, slack):  # type: ignore[no-untyped-def]
     """The first edge of a path ``(n, d)`` that is not proven free, and its verdict; ``n - 1`` and FREE when all are."""
-    work = begin(tables, rest)
     for k in range(points.shape[0] - 1):
         verdict = edge(tables, work, slots, points[k], points[k + 1], margin, slack)
         if verdict != FREE:
@@ -144,27 +137,12 @@ def judge_path(tables, rest, slots, points, margin, slack):  # type: ignore[no-u
     return points.shape[0] - 1, FREE
 
 
-@entry
-def judge_states(tables, rest, slots, states, margin):  # type: ignore[no-untyped-def]
-    """The verdicts ``(n,)`` on configurations ``(n, d)``, each with the pair that touches, or -1."""
-    work = begin(tables, rest)
-    verdicts = np.empty(states.shape[0], dtype=np.int32)
-    pairs = all_pairs(work)
-    for first in range(0, states.shape[0], LANES):
-        count = min(LANES, states.shape[0] - first)
-        for l in range(LANES):
-            for d in range(slots.shape[0]):
-                work.q[slots[d], l] = states[first + (l if l < count else 0), d]
-        rake(tables, work, pairs, True, margin, 0.0, count == 1)
-        for l in range(count):
-            verdicts[first + l] = work.verdict[l]
-    return verdicts
+@kernel
+def judge_cells(tables, work, slots, centres, plays, margin, still):  # type: ignore[no-untyped-def]
+    """The verdicts ``(n,)`` on cells: centres ``(n, d)`` and how far each joint may be from them ``(n, d)``.
 
-
-@entry
-def judge_cells(tables, rest, slots, centres, plays, margin):  # type: ignore[no-untyped-def]
-    """The verdicts ``(n,)`` on cells: centres ``(n, d)`` and how far each joint may be from them ``(n, d)``."""
-    work = begin(tables, rest)
+    With ``still``, the plays are zero and not looked at.
+    """
     verdicts = np.empty(centres.shape[0], dtype=np.int32)
     pairs = all_pairs(work)
     for first in range(0, centres.shape[0], LANES):
@@ -173,8 +151,8 @@ def judge_cells(tables, rest, slots, centres, plays, margin):  # type: ignore[no
             k = first + (l if l < count else 0)
             for d in range(slots.shape[0]):
                 work.q[slots[d], l] = centres[k, d]
-                work.e[slots[d], l] = plays[k, d]
-        rake(tables, work, pairs, False, margin, 0.0, False)
+                work.e[slots[d], l] = 0.0 if still else plays[k, d]
+        rake(tables, work, pairs, still, margin, 0.0, count == 1)
         for l in range(count):
             verdicts[first + l] = work.verdict[l]
     return verdicts

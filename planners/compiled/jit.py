@@ -17,9 +17,11 @@ from robots.cache import cache_dir, content_hash
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+DIGEST = content_hash(*[path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))])
+"""Of the sources in this folder."""
+
 if "NUMBA_CACHE_DIR" not in os.environ:
-    _SOURCES = [path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))]
-    numba.config.CACHE_DIR = str(cache_dir() / "kernels" / content_hash(*_SOURCES))
+    numba.config.CACHE_DIR = str(cache_dir() / "kernels" / DIGEST)
 
 
 def kernel(function: _Function) -> _Function:

@@ -29,5 +29,8 @@ SHAPE_WIDTH = 35
 PAIR_A, PAIR_B, PAIR_COMMON, PAIR_TABLE = 0, 1, 2, 3
 """Columns of ``pair_i``: two shapes, number of movable joints that carry both, number of a distance table or -1."""
 
+GRID_FIRST, GRID_ROWS, GRID_COLUMNS, GRID_SLOT_A, GRID_SLOT_B = 0, 1, 2, 3, 4
+"""Columns of ``grid_i``: place of the first value, sizes, and the places of both joints in the joint positions."""
+
 FREE, UNSURE, HIT = 2, 1, 0
 """Verdicts: proven free; not proven either way; the shapes certainly touch at the centre."""

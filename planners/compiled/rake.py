@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from planners.compiled.bounds import drift_of, least, take, to_sphere, to_world, widen
-from planners.compiled.jit import kernel
+from planners.compiled.jit import kernel, lanes
 from planners.compiled.kinematics import place_joints, place_sphere, place_sway
 from planners.compiled.layout import (
     BOUND,
@@ -17,12 +17,18 @@ from planners.compiled.layout import (
     FINE_FIRST,
     FINE_LAST,
     FREE,
+    GRID_COLUMNS,
+    GRID_FIRST,
+    GRID_ROWS,
+    GRID_SLOT_A,
+    GRID_SLOT_B,
     HIT,
     HULL,
     LANES,
     PAIR_A,
     PAIR_B,
     PAIR_COMMON,
+    PAIR_TABLE,
     POSITION,
     RADIUS,
     ROTATION,
@@ -62,22 +68,70 @@ def relative(shape_i, shape_f, rot, pos, narrow, a, b, l):  # type: ignore[no-un
 
 
 @kernel
+def start_axis(axis, pair, narrow):  # type: ignore[no-untyped-def]
+    """Begin with the direction between the origins where no direction is known yet."""
+    if axis[pair, 0] != 0.0 or axis[pair, 1] != 0.0 or axis[pair, 2] != 0.0:
+        return
+    x, y, z = -narrow[15, 0], -narrow[15, 1], -narrow[15, 2]
+    length = np.sqrt(x * x + y * y + z * z)
+    if length > 0.0:
+        axis[pair, 0], axis[pair, 1], axis[pair, 2] = x / length, y / length, z / length
+    else:
+        axis[pair, 2] = 1.0
+
+
+@kernel
 def _exact(shape_i, shape_f, verts, rot, pos, narrow, axis, pair, a, b, l, drift, margin):  # type: ignore[no-untyped-def]
     """The verdict on one pair in one lane."""
     relative(shape_i, shape_f, rot, pos, narrow, a, b, l)
-    if axis[pair, 0] == 0.0 and axis[pair, 1] == 0.0 and axis[pair, 2] == 0.0:
-        x, y, z = -narrow[15, 0], -narrow[15, 1], -narrow[15, 2]
-        length = np.sqrt(x * x + y * y + z * z)
-        if length > 0.0:
-            axis[pair, 0], axis[pair, 1], axis[pair, 2] = x / length, y / length, z / length
-        else:
-            axis[pair, 2] = 1.0
+    start_axis(axis, pair, narrow)
     grown = margin + shape_f[a, RADIUS] + shape_f[b, RADIUS]
     enough = grown + drift + DOUBLE_PAD
     lower, upper = separate(shape_i, shape_f, verts, a, b, axis, pair, enough, grown - DOUBLE_PAD, narrow)
     if lower > enough:
         return FREE
     return HIT if upper < grown - DOUBLE_PAD else UNSURE
+
+
+@lanes
+def _look_up(grid_i, grid_f, grid, number, q, gap):  # type: ignore[no-untyped-def]
+    """The gaps that a distance table knows; nothing is known outside of it."""
+    rows, columns = grid_i[number, GRID_ROWS], grid_i[number, GRID_COLUMNS]
+    first, a, b = grid_i[number, GRID_FIRST], grid_i[number, GRID_SLOT_A], grid_i[number, GRID_SLOT_B]
+    for l in range(LANES):
+        i = int(np.floor((q[a, l] - grid_f[number, 0]) * grid_f[number, 1]))
+        k = int(np.floor((q[b, l] - grid_f[number, 2]) * grid_f[number, 3]))
+        inside = 0 <= i < rows and 0 <= k < columns
+        gap[l] = grid[first + i * columns + k] if inside else -np.float32(np.inf)
+
+
+@kernel
+def _spheres_prove(shape_i, shape_f, fine, rot, pos, centre, spheres, known, a, b, ja, jb, drift, gap, deep, bar):  # type: ignore[no-untyped-def]
+    """Whether spheres alone prove a pair apart in every lane; the gaps stay in ``gap`` and ``deep``."""
+    fixed, kind = jb == 0, shape_i[b, SHAPE_KIND]
+    widen(gap, deep)
+    if fixed:
+        to_world(kind, shape_f, b, centre, a, shape_f[a, BOUND], 0.0, gap, deep)
+    else:
+        to_sphere(centre, a, b, shape_f[a, BOUND] + shape_f[b, BOUND], 0.0, gap, deep)
+    if take(gap, drift) > bar:
+        return True
+    widen(gap, deep)
+    a0, a1 = shape_i[a, FINE_FIRST], shape_i[a, FINE_LAST]
+    b0, b1 = shape_i[b, FINE_FIRST], shape_i[b, FINE_LAST]
+    for turn in range(1 if fixed else 2):
+        s, j, k0, k1 = (a, ja, a0, a1) if turn == 0 else (b, jb, b0, b1)
+        if not known[s, 1]:
+            known[s, 1] = 1
+            for k in range(k0, k1):
+                place_sphere(rot, pos, j, fine[0, k], fine[1, k], fine[2, k], spheres, k)
+    for k in range(a0, a1):
+        if fixed:
+            to_world(kind, shape_f, b, spheres, k, fine[3, k], fine[4, k], gap, deep)
+        else:
+            for m in range(b0, b1):
+                to_sphere(spheres, k, m, fine[3, k] + fine[3, m], fine[4, k] + fine[4, m], gap, deep)
+    return take(gap, drift) > bar
 
 
 @kernel
@@ -116,7 +170,7 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
     Returns:
         Whether a certain contact was found; with ``stop`` its pair is then the first of ``work.order``.
     """
-    joint_i, joint_f, chain, reach, shape_i, shape_f, verts, fine, pair_i = tables
+    joint_i, joint_f, chain, reach, shape_i, shape_f, verts, fine, pair_i, grid_i, grid_f, grid = tables
     q, e, rot, pos, centre, sway, spheres, known, drift, gap, deep, axis, narrow, order, left, verdict, _, _, count = work
     count[0] += 1
     place_joints(joint_i, joint_f, q, rot, pos)
@@ -143,37 +197,20 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
                     place_sway(joint_i, chain, reach, j, s, shape_f[s, BOUND], e, rot, pos, centre, sway, gap)
         if not still:
             drift_of(sway, a, b, fixed, pair_i[pair, PAIR_COMMON], slack, drift)
-        widen(gap, deep)
-        if fixed:
-            to_world(kind, shape_f, b, centre, a, shape_f[a, BOUND], 0.0, gap, deep)
-        else:
-            to_sphere(centre, a, b, shape_f[a, BOUND] + shape_f[b, BOUND], 0.0, gap, deep)
-        if take(gap, drift) > bar:
+        number = pair_i[pair, PAIR_TABLE]
+        if number >= 0:
+            _look_up(grid_i, grid_f, grid, number, q, gap)
+            if take(gap, drift) > bar:
+                continue
+        elif _spheres_prove(
+            shape_i, shape_f, fine, rot, pos, centre, spheres, known, a, b, ja, jb, drift, gap, deep, bar
+        ):
             continue
-        widen(gap, deep)
-        a0, a1 = shape_i[a, FINE_FIRST], shape_i[a, FINE_LAST]
-        b0, b1 = shape_i[b, FINE_FIRST], shape_i[b, FINE_LAST]
-        for turn in range(1 if fixed else 2):
-            s, j, k0, k1 = (a, ja, a0, a1) if turn == 0 else (b, jb, b0, b1)
-            if not known[s, 1]:
-                known[s, 1] = 1
-                for k in range(k0, k1):
-                    place_sphere(rot, pos, j, fine[0, k], fine[1, k], fine[2, k], spheres, k)
-        for k in range(a0, a1):
-            if fixed:
-                to_world(kind, shape_f, b, spheres, k, fine[3, k], fine[4, k], gap, deep)
-            else:
-                for m in range(b0, b1):
-                    to_sphere(spheres, k, m, fine[3, k] + fine[3, m], fine[4, k] + fine[4, m], gap, deep)
-        if take(gap, drift) > bar:
-            continue
-        if kind != HULL or not fixed:
-            touched = _touched(deep, np.float32(margin - SINGLE_PAD), verdict)
-            if touched:
-                found = True
-                if stop:
-                    _first(order, n)
-                    return True
+        elif (kind != HULL or not fixed) and _touched(deep, np.float32(margin - SINGLE_PAD), verdict):
+            found = True
+            if stop:
+                _first(order, n)
+                return True
         worst = 0
         for l in range(LANES):
             if gap[l] < gap[worst]:

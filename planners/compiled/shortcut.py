@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.compiled.edges import begin, edge
-from planners.compiled.jit import entry, kernel
+from planners.compiled.edges import edge
+from planners.compiled.jit import kernel
 from planners.compiled.layout import FREE
 from planners.compiled.random import uniform
 
@@ -59,14 +59,13 @@ def _at(points, count, place, out):  # type: ignore[no-untyped-def]
     return k
 
 
-@entry
-def shorten(tables, rest, slots, path, margin, slack, attempts, seed):  # type: ignore[no-untyped-def]
+@kernel
+def shorten(tables, work, slots, path, margin, slack, attempts, seed):  # type: ignore[no-untyped-def]
     """The path ``(n, d)`` [rad] with detours cut: random pairs of its points are joined where the line is free.
 
     Geraerts and Overmars, "Creating High-quality Paths for Motion Planning", IJRR 2007, section 3.1. Points that can be
     left out are left out before and after.
     """
-    work = begin(tables, rest)
     count, size = path.shape
     points = np.empty((count + attempts + 2, size))
     points[:count, :] = path

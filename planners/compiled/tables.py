@@ -14,6 +14,7 @@ from planners.compiled.covers import bounding_sphere, inner_radii, oriented_box,
 from robots.errors import BadWorkcell
 from robots.spatial import Array
 
+Singles = np.ndarray[Any, np.dtype[np.float32]]
 Integers = np.ndarray[Any, np.dtype[np.int32]]
 
 
@@ -30,6 +31,9 @@ class Tables(NamedTuple):
         verts: ``(3, vertices)`` in joint frames [m].
         fine: ``(5, spheres)`` centres in joint frames, radii that cover and radii that lie inside [m].
         pair_i: ``(pairs, 4)``.
+        grid_i: ``(grids, 5)`` tables of distances over two joints.
+        grid_f: ``(grids, 4)`` lowest value and cells per radian of both joints.
+        grid: ``(values,)`` lower bounds of distances, valid in a whole cell of a table [m].
     """
 
     joint_i: Integers
@@ -41,6 +45,13 @@ class Tables(NamedTuple):
     verts: Array
     fine: Array
     pair_i: Integers
+    grid_i: Integers
+    grid_f: Array
+    grid: Singles
+
+
+NO_GRIDS = (np.zeros((0, 5), dtype=np.int32), np.zeros((0, 4)), np.zeros(0, dtype=np.float32))
+"""No distance tables."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -253,18 +264,3 @@ def pair_rows(chain: Chain, rows: ShapeRows, pairs: Sequence[tuple[int, int]]) -
         first, second = (b, a) if joints[a] == 0 else (a, b)
         made.append((first, second, chain.common(int(joints[first]), int(joints[second])), -1))
     return np.array(made, dtype=np.int32).reshape(-1, 4)
-
-
-def tables(chain: Chain, rows: ShapeRows, pair_i: Integers) -> Tables:
-    """Everything together."""
-    return Tables(
-        chain.joint_i,
-        chain.joint_f,
-        chain.chain,
-        rows.reach,
-        rows.shape_i,
-        rows.shape_f,
-        rows.verts,
-        rows.fine,
-        np.ascontiguousarray(pair_i, dtype=np.int32),
-    )

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.compiled.edges import begin, edge
-from planners.compiled.jit import entry, kernel, lanes
+from planners.compiled.edges import edge
+from planners.compiled.jit import kernel, lanes
 from planners.compiled.layout import FREE
 from planners.compiled.random import uniform
 
@@ -88,13 +88,13 @@ def _path(nodes, parents, ends):  # type: ignore[no-untyped-def]
     return points
 
 
-@entry
-def connect(tables, rest, slots, start, goals, bounds, margin, slack, longest, iterations, seed):  # type: ignore[no-untyped-def]
+@kernel
+def connect(tables, work, slots, start, goals, bounds, margin, slack, longest, iterations, seed):  # type: ignore[no-untyped-def]
     """Search.
 
     Args:
         tables: The cell.
-        rest: ``(slots,)`` joint positions of everything that stays.
+        work: Scratch in which everything that stays is where it is.
         slots: ``(d,)`` places of the joints that move.
         start: ``(d,)`` [rad].
         goals: ``(m, d)`` [rad], nearest first.
@@ -108,7 +108,6 @@ def connect(tables, rest, slots, start, goals, bounds, margin, slack, longest, i
     Returns:
         The points ``(n, d)`` of a path, none when there is none; samples drawn; configurations looked at.
     """
-    work = begin(tables, rest)
     for g in range(goals.shape[0]):
         if edge(tables, work, slots, start, goals[g], margin, slack) == FREE:
             points = np.empty((2, start.shape[0]))
