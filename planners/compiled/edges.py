@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.compiled.jit import kernel
+from planners.compiled.jit import kernel, part
 from planners.compiled.layout import FREE, HIT, LANES, UNSURE
 from planners.compiled.rake import rake
 from planners.compiled.work import DEEPEST, scratch
@@ -79,7 +79,7 @@ def edge(tables, work, slots, a, b, margin, slack):  # type: ignore[no-untyped-d
         for first in range(0, waiting, LANES):
             count = min(LANES, waiting - first)
             _fill(work, slots, a, b, side, first, count)
-            if rake(tables, work, pairs, length == 0.0, margin, slack, True):
+            if rake(tables, work, pairs, length == 0.0, margin, slack, waiting > 0):
                 return HIT
             left = _keep_open(work, side, first, count, left)
         if left == 0:
@@ -127,7 +127,7 @@ def begin(tables, rest):  # type: ignore[no-untyped-def]
     return work
 
 
-@kernel
+@part
 def judge_path(tables, work, slots, points, margin, slack):  # type: ignore[no-untyped-def]
     """The first edge of a path ``(n, d)`` that is not proven free, and its verdict; ``n - 1`` and FREE when all are."""
     for k in range(points.shape[0] - 1):
@@ -137,7 +137,7 @@ def judge_path(tables, work, slots, points, margin, slack):  # type: ignore[no-u
     return points.shape[0] - 1, FREE
 
 
-@kernel
+@part
 def judge_cells(tables, work, slots, centres, plays, margin, still):  # type: ignore[no-untyped-def]
     """The verdicts ``(n,)`` on cells: centres ``(n, d)`` and how far each joint may be from them ``(n, d)``.
 

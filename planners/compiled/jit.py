@@ -30,6 +30,11 @@ def kernel(function: _Function) -> _Function:
     return cast(_Function, made(function))
 
 
+def part(function: _Function) -> _Function:
+    """As ``kernel``, but written into its caller before anything is compiled: for large functions called once."""
+    return cast(_Function, numba.njit(nogil=True, error_model="numpy", inline="always")(function))
+
+
 def lanes(function: _Function) -> _Function:
     """As ``kernel``, but sums and minima may be reordered: for loops over lanes, whose results are padded."""
     made = numba.njit(

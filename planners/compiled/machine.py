@@ -6,7 +6,7 @@ import numpy as np
 
 from planners.compiled.bounds import drift_of
 from planners.compiled.edges import begin, judge_cells, judge_path
-from planners.compiled.jit import entry, kernel
+from planners.compiled.jit import entry, kernel, part
 from planners.compiled.kinematics import place_joints, place_sphere, place_sway
 from planners.compiled.layout import BOUND, CENTRE, LANES, PAIR_A, PAIR_B, PAIR_COMMON, SHAPE_JOINT
 from planners.compiled.narrow import separate
@@ -55,11 +55,12 @@ def run(task, tables, rest, slots, points, more, margin, slack, longest, count, 
     return path, verdicts, first, second
 
 
-@kernel
+@part
 def _distances(tables, work, slots, points, plays, pair):  # type: ignore[no-untyped-def]
     """Lower bounds ``(n, 1)`` of the distance of a pair anywhere in cells [m]."""
     joint_i, shape_i, shape_f = tables.joint_i, tables.shape_i, tables.shape_f
     a, b = tables.pair_i[pair, PAIR_A], tables.pair_i[pair, PAIR_B]
+    endless = np.inf + slots[0]
     found = np.empty((points.shape[0], 1))
     for first in range(0, points.shape[0], LANES):
         count = min(LANES, points.shape[0] - first)
@@ -81,6 +82,6 @@ def _distances(tables, work, slots, points, plays, pair):  # type: ignore[no-unt
         for l in range(count):
             relative(shape_i, shape_f, work.rot, work.pos, work.narrow, a, b, l)
             start_axis(work.axis, pair, work.narrow)
-            lower, _ = separate(shape_i, shape_f, tables.verts, a, b, work.axis, pair, np.inf, -np.inf, work.narrow)
+            lower, _ = separate(shape_i, shape_f, tables.verts, a, b, work.axis, pair, endless, -endless, work.narrow)
             found[first + l, 0] = lower - work.drift[l]
     return found

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from planners.compiled.bounds import drift_of, least, take, to_sphere, to_world, widen
-from planners.compiled.jit import kernel, lanes
+from planners.compiled.jit import kernel, lanes, part
 from planners.compiled.kinematics import place_joints, place_sphere, place_sway
 from planners.compiled.layout import (
     BOUND,
@@ -80,7 +80,7 @@ def start_axis(axis, pair, narrow):  # type: ignore[no-untyped-def]
         axis[pair, 2] = 1.0
 
 
-@kernel
+@part
 def _exact(shape_i, shape_f, verts, rot, pos, narrow, axis, pair, a, b, l, drift, margin):  # type: ignore[no-untyped-def]
     """The verdict on one pair in one lane."""
     relative(shape_i, shape_f, rot, pos, narrow, a, b, l)
@@ -182,7 +182,7 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
     bar = np.float32(margin + SINGLE_PAD)
     found = False
     for n in range(pairs):
-        pair = order[n]
+        pair = np.int64(order[n])
         a, b = pair_i[pair, PAIR_A], pair_i[pair, PAIR_B]
         ja, jb = shape_i[a, SHAPE_JOINT], shape_i[b, SHAPE_JOINT]
         fixed, kind = jb == 0, shape_i[b, SHAPE_KIND]

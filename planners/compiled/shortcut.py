@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from planners.compiled.edges import edge
-from planners.compiled.jit import kernel
+from planners.compiled.jit import kernel, part
 from planners.compiled.layout import FREE
 from planners.compiled.random import uniform
 
@@ -59,7 +59,7 @@ def _at(points, count, place, out):  # type: ignore[no-untyped-def]
     return k
 
 
-@kernel
+@part
 def shorten(tables, work, slots, path, margin, slack, attempts, seed):  # type: ignore[no-untyped-def]
     """The path ``(n, d)`` [rad] with detours cut: random pairs of its points are joined where the line is free.
 
@@ -69,10 +69,12 @@ def shorten(tables, work, slots, path, margin, slack, attempts, seed):  # type: 
     count, size = path.shape
     points = np.empty((count + attempts + 2, size))
     points[:count, :] = path
-    count = _skip(tables, work, slots, points, count, margin, slack)
     state = np.full(1, seed, dtype=np.uint64)
-    a, b, old = np.empty(size), np.empty(size), np.empty(size)
-    for _ in range(attempts):
+    a, b = np.empty(size), np.empty(size)
+    for turn in range(-1, attempts + 1):
+        if turn < 0 or turn == attempts:
+            count = _skip(tables, work, slots, points, count, margin, slack)
+            continue
         if count < 3:
             break
         total = _length(points, 0, count - 1)
@@ -84,16 +86,20 @@ def shorten(tables, work, slots, path, margin, slack, attempts, seed):  # type: 
             straight += (b[d] - a[d]) ** 2
         if i == j or (t - s) - np.sqrt(straight) < GAIN * total or count + 2 >= points.shape[0]:
             continue
-        if edge(tables, work, slots, a, b, margin, slack) != FREE:
-            continue
-        shift = i + 2 - j  # points i + 1 .. j become a, b
-        if shift > 0:
-            for m in range(count - 1, j, -1):
-                points[m + shift, :] = points[m, :]
-        else:
-            for m in range(j + 1, count):
-                points[m + shift, :] = points[m, :]
-        points[i + 1, :], points[i + 2, :] = a, b
-        count += shift
-    count = _skip(tables, work, slots, points, count, margin, slack)
+        if edge(tables, work, slots, a, b, margin, slack) == FREE:
+            count = _replace(points, count, i, j, a, b)
     return points[:count].copy()
+
+
+@kernel
+def _replace(points, count, i, j, a, b):  # type: ignore[no-untyped-def]
+    """Put ``a``, ``b`` in place of points ``i + 1 .. j``; how many points there are then."""
+    shift = i + 2 - j
+    if shift > 0:
+        for m in range(count - 1, j, -1):
+            points[m + shift, :] = points[m, :]
+    else:
+        for m in range(j + 1, count):
+            points[m + shift, :] = points[m, :]
+    points[i + 1, :], points[i + 2, :] = a, b
+    return count + shift

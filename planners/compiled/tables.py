@@ -190,12 +190,13 @@ def shape_rows(chain: Chain, shapes: Sequence[Shape], spheres: int) -> ShapeRows
         if not hull:
             row[at.PARAM : at.PARAM + len(np.ravel(shape.size))] = np.ravel(shape.size)
         row[at.RADIUS] = shape.radius
-        row[at.CENTRE : at.BOUND], radius = bounding_sphere(placed)
-        row[at.BOUND] = radius + round_by
-        if shape.kind == at.BOX:
-            axes, middle, half = T.rotation, T.translation, np.ravel(shape.size)
-        else:
+        if hull:
+            row[at.CENTRE : at.BOUND], radius = bounding_sphere(placed)
             axes, middle, half = oriented_box(placed)
+        else:
+            row[at.CENTRE : at.BOUND], radius = T.translation, float(np.linalg.norm(corners[0]))
+            axes, middle, half = T.rotation, T.translation, np.abs(corners[0])
+        row[at.BOUND] = radius + round_by
         row[at.BOX_ROTATION : at.BOX_POSITION] = axes.ravel()
         row[at.BOX_POSITION : at.BOX_HALF] = middle
         row[at.BOX_HALF :] = half + round_by
@@ -211,7 +212,8 @@ def shape_rows(chain: Chain, shapes: Sequence[Shape], spheres: int) -> ShapeRows
         inside = inner_radii(placed, centres) if len(radii) else np.zeros(0)
         fine.append(np.column_stack([centres, radii + round_by, inside + round_by]))
         covered += len(radii)
-        reach[k] = chain.reaches(shape.joint, float(np.linalg.norm(placed, axis=1).max()) + round_by)
+        if shape.joint:
+            reach[k] = chain.reaches(shape.joint, float(np.linalg.norm(placed, axis=1).max()) + round_by)
     return ShapeRows(
         shape_i,
         shape_f,

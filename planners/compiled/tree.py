@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from planners.compiled.edges import edge
-from planners.compiled.jit import kernel, lanes
+from planners.compiled.jit import kernel, lanes, part
 from planners.compiled.layout import FREE
 from planners.compiled.random import uniform
 
@@ -88,7 +88,7 @@ def _path(nodes, parents, ends):  # type: ignore[no-untyped-def]
     return points
 
 
-@kernel
+@part
 def connect(tables, work, slots, start, goals, bounds, margin, slack, longest, iterations, seed):  # type: ignore[no-untyped-def]
     """Search.
 
