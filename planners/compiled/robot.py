@@ -62,8 +62,14 @@ def robot(model: pin.Model, geometry: pin.GeometryModel, pairs: Sequence[tuple[i
         geometry: Meshes count as their convex hulls; boxes, cylinders and spheres as they are.
         pairs: Numbers of geometry objects that can meet.
     """
+    return robot_of_shapes(model, [shape_of(thing) for thing in geometry.geometryObjects], pairs)
+
+
+def robot_of_shapes(
+    model: pin.Model, shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]], *, grids: bool = True
+) -> Robot:
+    """As ``robot``, of convex shapes; without ``grids`` no distance tables are made."""
     chain = Chain(model)
-    shapes = [shape_of(thing) for thing in geometry.geometryObjects]
     digest = _digest(model, chain, shapes, pairs)
     path = cache_dir() / "robots" / f"tables-{digest}.npz"
     if path.is_file():
@@ -71,11 +77,11 @@ def robot(model: pin.Model, geometry: pin.GeometryModel, pairs: Sequence[tuple[i
             names = tuple(shape.name for shape in shapes)
             rows = ShapeRows(*(kept[key] for key in ("shape_i", "shape_f", "verts", "fine", "reach")), names)
             return Robot(chain, rows, kept["pair_i"], (kept["grid_i"], kept["grid_f"], kept["grid"]))
-    made = _made(model, chain, shapes, pairs)
+    made = _made(model, chain, shapes, pairs, grids)
     arrays = {key: getattr(made.rows, key) for key in ("shape_i", "shape_f", "verts", "fine", "reach")}
-    grids = dict(zip(("grid_i", "grid_f", "grid"), made.grids, strict=True))
+    tables_of = dict(zip(("grid_i", "grid_f", "grid"), made.grids, strict=True))
     packed = io.BytesIO()
-    np.savez(packed, pair_i=made.pair_i, **arrays, **grids)
+    np.savez(packed, pair_i=made.pair_i, **arrays, **tables_of)
     write_atomic(path, packed.getvalue())
     return made
 
@@ -111,7 +117,9 @@ def _digest(model: pin.Model, chain: Chain, shapes: Sequence[Shape], pairs: Sequ
     return content_hash(*parts)
 
 
-def _made(model: pin.Model, chain: Chain, shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]]) -> Robot:
+def _made(
+    model: pin.Model, chain: Chain, shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]], with_grids: bool
+) -> Robot:
     rows = shape_rows(chain, shapes, SPHERES)
     pair_i = pair_rows(chain, rows, pairs)
     bare = Tables(
@@ -127,7 +135,7 @@ def _made(model: pin.Model, chain: Chain, shapes: Sequence[Shape], pairs: Sequen
         *NO_GRIDS,
     )
     grid_i, grid_f, grids, size = [], [], [np.zeros(0, dtype=np.float32)], 0
-    for k in range(len(pair_i)):
+    for k in range(len(pair_i) if with_grids else 0):
         joints = _between(chain, rows, pair_i[k])
         if len(joints) != 2 or any(chain.joint_i[j, at.JOINT_KIND] != at.REVOLUTE for j in joints):
             continue

@@ -5,6 +5,8 @@ from __future__ import annotations
 import gzip
 import json
 import zlib
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -111,6 +113,17 @@ def _check(problem: Problem, path: Path) -> None:
         length = sum(value * value for value in obstacle.quat_xyzw)
         if not 0.99 < length < 1.01:
             raise BadInput(f"{where}: the orientation of {obstacle.name} has length {length**0.5:.3f}, not 1.")
+
+
+def first_of_each(problems: Sequence[Problem], limit: int) -> tuple[Problem, ...]:
+    """The first ``limit`` problems of every scene, in order."""
+    seen: Counter[str] = Counter()
+    kept = []
+    for problem in problems:
+        seen[problem.scene] += 1
+        if seen[problem.scene] <= limit:
+            kept.append(problem)
+    return tuple(kept)
 
 
 def dump_paths(rows: list[dict[str, Any]]) -> str:
