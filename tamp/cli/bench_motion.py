@@ -15,7 +15,7 @@ class Arguments:
     problems: Path
     """A .json.gz file of problems."""
     limit: int | None = None
-    """Only so many problems of each scene."""
+    """Only so many problems, taken in turn from every scene."""
     paths: Path | None = None
     """Write the final paths there."""
     methods: str = "ours"
@@ -32,14 +32,14 @@ def run(arguments: Arguments, output: Output) -> int:
     """Plan and report; 0 when the first method solved every problem, else 1."""
     from robots.errors import BadInput
     from tamp.motion_bench.bench import solve_all, write_paths
-    from tamp.motion_bench.problems import first_of_each, load_problems
+    from tamp.motion_bench.problems import spread, load_problems
     from tamp.motion_bench.rows import summary
 
     if arguments.limit is not None and arguments.limit < 1:
         raise BadInput(f"--limit must be at least 1, not {arguments.limit}.")
     problems = load_problems(arguments.problems)
     if arguments.limit is not None:
-        problems = first_of_each(problems, arguments.limit)
+        problems = spread(problems, arguments.limit)
     methods = [name.strip() for name in arguments.methods.split(",") if name.strip()]
     if not methods:
         raise BadInput("--methods names no method.")

@@ -115,15 +115,15 @@ def _check(problem: Problem, path: Path) -> None:
             raise BadInput(f"{where}: the orientation of {obstacle.name} has length {length**0.5:.3f}, not 1.")
 
 
-def first_of_each(problems: Sequence[Problem], limit: int) -> tuple[Problem, ...]:
-    """The first ``limit`` problems of every scene, in order."""
-    seen: Counter[str] = Counter()
-    kept = []
+def spread(problems: Sequence[Problem], limit: int) -> tuple[Problem, ...]:
+    """So many problems, taken in turn from every scene, in the file's order."""
+    turn: Counter[str] = Counter()
+    turns = []
     for problem in problems:
-        seen[problem.scene] += 1
-        if seen[problem.scene] <= limit:
-            kept.append(problem)
-    return tuple(kept)
+        turns.append(turn[problem.scene])
+        turn[problem.scene] += 1
+    chosen = sorted(range(len(problems)), key=lambda k: (turns[k], k))[:limit]
+    return tuple(problems[k] for k in sorted(chosen))
 
 
 def dump_paths(rows: list[dict[str, Any]]) -> str:

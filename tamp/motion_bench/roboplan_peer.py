@@ -44,7 +44,8 @@ def _scene(task: dict[str, Any], problem: dict[str, Any]) -> Any:
         else:
             cylinder = core.Cylinder(obstacle["radius"], obstacle["length"])
             scene.addCylinderGeometry(name, "universe", cylinder, pose, colour)
-        scene.setCollisions(task["base"], name, False)
+        still = [task["base"], *(f"obstacle{k}" for k in range(number))]
+        scene.setCollisions([(other, name) for other in still], False)
     return scene
 
 
