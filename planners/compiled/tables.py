@@ -12,7 +12,7 @@ import pinocchio as pin
 from planners.compiled import layout as at
 from planners.compiled.covers import bounding_sphere, inner_radii, oriented_box, sphere_cover
 from robots.errors import BadWorkcell
-from robots.spatial import Array
+from robots.spatial import Array, points
 
 Singles = np.ndarray[Any, np.dtype[np.float32]]
 Integers = np.ndarray[Any, np.dtype[np.int32]]
@@ -65,6 +65,7 @@ class Shape:
         T_joint_shape: Pose on the joint; vertices of a hull are in the shape's frame.
         size: Half extents ``(3,)`` of a box; radius and half length of a cylinder; vertices ``(n, 3)`` of a hull [m].
         radius: The core is grown by this [m]: the radius of a sphere.
+        cover: Its bounds, where they are known already.
     """
 
     name: str
@@ -73,6 +74,52 @@ class Shape:
     T_joint_shape: pin.SE3
     size: Array
     radius: float = 0.0
+    cover: Cover | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cover:
+    """What contains a shape, in the shape's own frame.
+
+    Attributes:
+        corners: ``(n, 3)`` vertices whose hull contains the core [m].
+        centre, bound: A sphere that contains the core [m].
+        axes, middle, half: An oriented box that contains the core [m].
+        spheres: ``(k, 5)`` centres, radii that cover the core and radii that lie inside it [m].
+    """
+
+    corners: Array
+    centre: Array
+    bound: float
+    axes: Array
+    middle: Array
+    half: Array
+    spheres: Array
+
+
+def cover_of(shape: Shape, spheres: int) -> Cover:
+    """The bounds of a shape, with at most so many fine spheres."""
+    corners = _corners(shape)
+    fine = np.zeros((0, 5))
+    if spheres:
+        centres, radii = sphere_cover(corners, spheres)
+        fine = np.column_stack([centres, radii, inner_radii(corners, centres)])
+    if shape.kind == at.HULL:
+        return Cover(corners, *bounding_sphere(corners), *oriented_box(corners), fine)
+    half = np.abs(corners[0])
+    return Cover(corners, np.zeros(3), float(np.linalg.norm(half)), np.eye(3), np.zeros(3), half, fine)
+
+
+def _corners(shape: Shape) -> Array:
+    """Vertices whose hull contains the core."""
+    if shape.kind == at.HULL:
+        return np.asarray(shape.size, dtype=np.float64)
+    if shape.kind == at.POINT:
+        return np.zeros((1, 3))
+    half = np.ravel(shape.size)
+    if shape.kind == at.CYLINDER:
+        half = np.array([half[0], half[0], half[1]])
+    return np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]) * half
 
 
 class Chain:
@@ -181,60 +228,40 @@ def shape_rows(chain: Chain, shapes: Sequence[Shape], spheres: int) -> ShapeRows
     verts, fine, count, covered = [np.zeros((0, 3))], [np.zeros((0, 5))], 0, 0
     for k, shape in enumerate(shapes):
         T = chain.placed(shape.joint, shape.T_joint_shape)
-        corners, round_by = _corners(shape)
-        placed = corners @ T.rotation.T + T.translation
-        row = shape_f[k]
-        hull = shape.kind == at.HULL
-        row[at.ROTATION : at.POSITION] = (np.eye(3) if hull else T.rotation).ravel()
-        row[at.POSITION : at.PARAM] = 0.0 if hull else T.translation
-        if not hull:
-            row[at.PARAM : at.PARAM + len(np.ravel(shape.size))] = np.ravel(shape.size)
-        row[at.RADIUS] = shape.radius
-        if hull:
-            row[at.CENTRE : at.BOUND], radius = bounding_sphere(placed)
-            axes, middle, half = oriented_box(placed)
-        else:
-            row[at.CENTRE : at.BOUND], radius = T.translation, float(np.linalg.norm(corners[0]))
-            axes, middle, half = T.rotation, T.translation, np.abs(corners[0])
-        row[at.BOUND] = radius + round_by
-        row[at.BOX_ROTATION : at.BOX_POSITION] = axes.ravel()
-        row[at.BOX_POSITION : at.BOX_HALF] = middle
-        row[at.BOX_HALF :] = half + round_by
-        if shape.joint == 0:
-            centres, radii = np.zeros((0, 3)), np.zeros(0)
-        else:
-            centres, radii = sphere_cover(placed, spheres)
+        cover = shape.cover or cover_of(shape, spheres if shape.joint else 0)
+        shape_f[k] = _row(shape, cover, T)
+        placed = points(T, cover.corners)
         first = count
-        if hull:
+        if shape.kind == at.HULL:
             verts.append(placed)
             count += len(placed)
-        shape_i[k] = shape.joint, shape.kind, first, count, covered, covered + len(radii)
-        inside = inner_radii(placed, centres) if len(radii) else np.zeros(0)
-        fine.append(np.column_stack([centres, radii + round_by, inside + round_by]))
-        covered += len(radii)
+        few = cover.spheres if shape.joint else cover.spheres[:0]
+        shape_i[k] = shape.joint, shape.kind, first, count, covered, covered + len(few)
+        fine.append(np.column_stack([points(T, few[:, :3]), few[:, 3:] + shape.radius]))
+        covered += len(few)
         if shape.joint:
-            reach[k] = chain.reaches(shape.joint, float(np.linalg.norm(placed, axis=1).max()) + round_by)
-    return ShapeRows(
-        shape_i,
-        shape_f,
-        np.ascontiguousarray(np.concatenate(verts).T),
-        np.ascontiguousarray(np.concatenate(fine).T),
-        reach,
-        tuple(shape.name for shape in shapes),
-    )
+            reach[k] = chain.reaches(shape.joint, float(np.linalg.norm(placed, axis=1).max()) + shape.radius)
+    names = tuple(shape.name for shape in shapes)
+    columns = (np.ascontiguousarray(np.concatenate(rows).T) for rows in (verts, fine))
+    return ShapeRows(shape_i, shape_f, *columns, reach, names)
 
 
-def _corners(shape: Shape) -> tuple[Array, float]:
-    """Vertices whose hull contains the core, and the radius to grow it by [m]."""
+def _row(shape: Shape, cover: Cover, T: pin.SE3) -> Array:
+    """The row of ``shape_f`` of a shape at ``T`` in the turned frame of its joint."""
+    row = np.zeros(at.SHAPE_WIDTH)
     if shape.kind == at.HULL:
-        return np.asarray(shape.size, dtype=np.float64), shape.radius
-    if shape.kind == at.POINT:
-        return np.zeros((1, 3)), shape.radius
-    half = np.ravel(shape.size)
-    if shape.kind == at.CYLINDER:
-        half = np.array([half[0], half[0], half[1]])
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return signs * half, shape.radius
+        row[at.ROTATION : at.POSITION] = np.eye(3).ravel()
+    else:
+        row[at.ROTATION : at.POSITION] = T.rotation.ravel()
+        row[at.POSITION : at.PARAM] = T.translation
+        row[at.PARAM : at.RADIUS] = np.ravel(shape.size)
+    row[at.RADIUS] = shape.radius
+    row[at.CENTRE : at.BOUND] = T.act(cover.centre)
+    row[at.BOUND] = cover.bound + shape.radius
+    row[at.BOX_ROTATION : at.BOX_POSITION] = (T.rotation @ cover.axes).ravel()
+    row[at.BOX_POSITION : at.BOX_HALF] = T.act(cover.middle)
+    row[at.BOX_HALF :] = cover.half + shape.radius
+    return row
 
 
 def joined_rows(parts: Sequence[ShapeRows]) -> ShapeRows:
