@@ -24,7 +24,7 @@ SAMPLES_PER_ITERATION = 25
 """Samples of the compiled tree for each iteration allowed: most of them are refused before any check."""
 
 OPTIMISING_TIME = 1.0
-"""Time for an OMPL planner [s]; RRT-Connect stops at its first path, the optimising ones use all of it."""
+"""Time for OMPL's optimising planners [s], which use all of it."""
 
 SLACK = 0.4
 """Share of the margin that may be lost between checked states; certificates ask for half of the margin."""
@@ -94,7 +94,7 @@ class Exhausted:
     """The search used its budget.
 
     Attributes:
-        checks: Configurations looked at.
+        checks: Configurations looked at; edges for OMPL's planners.
         iterations: Samples drawn.
     """
 
@@ -159,7 +159,7 @@ def plan(
     usable = [goal for goal in goals if arm.within_limits(goal) and free(goal)]
     usable.sort(key=lambda goal: float(np.linalg.norm(goal - start)))
     search = _Search(world, arm, q_other, seed)
-    found = search.tree(start, usable, iterations) if planner == TREE else search.ompl(start, usable, planner)
+    found = search.tree(start, usable, iterations) if planner == TREE else search.ompl(start, usable, planner, iterations)
     if isinstance(found, Exhausted):
         return NoPath(found)
     if len(found) == 2:
@@ -195,7 +195,7 @@ class _Search:
         )
         return found.points if len(found.points) else Exhausted(found.states, found.samples)
 
-    def ompl(self, start: Array, goals: list[Array], planner: str) -> Array | Exhausted:
+    def ompl(self, start: Array, goals: list[Array], planner: str, iterations: int) -> Array | Exhausted:
         """One of OMPL's planners with the compiled check of edges."""
         for goal in goals:
             if self.edge(start, goal):
@@ -204,12 +204,19 @@ class _Search:
         def free(q: Array) -> bool:
             return bool(self.motion.states(q[None], self.margin)[0] == FREE)
 
+        asked = 0
+
+        def spent() -> bool:
+            nonlocal asked
+            asked += 1
+            return asked > iterations
+
         bounds = self._bounds(start, goals)
-        stop = OPTIMISING_TIME
+        stop = spent if planner == "RRTConnect" else OPTIMISING_TIME
         raw, _ = search(
             free, self.edge, start, np.array(goals), bounds, seed=self.seed, stop=stop, planner=planner, longest=RANGE
         )
-        return Exhausted(self.checks, self.checks) if raw is None else raw
+        return Exhausted(self.checks, asked) if raw is None else raw
 
     def _bounds(self, start: Array, goals: list[Array]) -> Array:
         """Where samples are drawn ``(2, 7)`` [rad]: inside the limits, start and goals included."""

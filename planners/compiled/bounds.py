@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.compiled.jit import lanes
+from planners.compiled.jit import lanes, part
 from planners.compiled.layout import (
     BOX_HALF,
     BOX_POSITION,
@@ -102,6 +102,51 @@ def to_world(kind, shape_f, b, centre, s, less, core, gap, deep):  # type: ignor
         _to_box(centre, s, shape_f, b, less, core, gap, deep)
 
 
+@part
+def nearest_world(kind, shape_s, b, centre, s, less, drift):  # type: ignore[no-untyped-def]
+    """The smallest gap, over the lanes, between a bounding sphere and a shape of the world, less the drift.
+
+    ``shape_s`` is ``shape_f`` in single precision.
+    """
+    least = np.float32(np.inf)
+    zero = np.float32(0.0)
+    if kind == CYLINDER or kind == POINT:
+        t0, t1, t2 = shape_s[b, POSITION], shape_s[b, POSITION + 1], shape_s[b, POSITION + 2]
+        z0, z1, z2 = shape_s[b, ROTATION + 2], shape_s[b, ROTATION + 5], shape_s[b, ROTATION + 8]
+        radius, half, grown = shape_s[b, PARAM], shape_s[b, PARAM + 1], less + shape_s[b, RADIUS]
+        for l in range(LANES):
+            x, y, z = centre[s, 0, l] - t0, centre[s, 1, l] - t1, centre[s, 2, l] - t2
+            along = x * z0 + y * z1 + z * z2
+            p = max(np.sqrt(max(x * x + y * y + z * z - along * along, zero)) - radius, zero)
+            q = max(abs(along) - half, zero)
+            least = min(least, np.sqrt(p * p + q * q) - grown - drift[l])
+    else:
+        R, t, h = BOX_ROTATION, BOX_POSITION, BOX_HALF
+        r0, r1, r2, r3, r4 = shape_s[b, R], shape_s[b, R + 1], shape_s[b, R + 2], shape_s[b, R + 3], shape_s[b, R + 4]
+        r5, r6, r7, r8 = shape_s[b, R + 5], shape_s[b, R + 6], shape_s[b, R + 7], shape_s[b, R + 8]
+        t0, t1, t2 = shape_s[b, t], shape_s[b, t + 1], shape_s[b, t + 2]
+        h0, h1, h2 = shape_s[b, h], shape_s[b, h + 1], shape_s[b, h + 2]
+        for l in range(LANES):
+            x, y, z = centre[s, 0, l] - t0, centre[s, 1, l] - t1, centre[s, 2, l] - t2
+            u = max(abs(r0 * x + r3 * y + r6 * z) - h0, zero)
+            v = max(abs(r1 * x + r4 * y + r7 * z) - h1, zero)
+            w = max(abs(r2 * x + r5 * y + r8 * z) - h2, zero)
+            least = min(least, np.sqrt(u * u + v * v + w * w) - less - drift[l])
+    return least
+
+
+@part
+def nearest_sphere(centre, s, o, less, drift):  # type: ignore[no-untyped-def]
+    """The smallest gap, over the lanes, between two bounding spheres, less the drift."""
+    least = np.float32(np.inf)
+    for l in range(LANES):
+        x = centre[s, 0, l] - centre[o, 0, l]
+        y = centre[s, 1, l] - centre[o, 1, l]
+        z = centre[s, 2, l] - centre[o, 2, l]
+        least = min(least, np.sqrt(x * x + y * y + z * z) - less - drift[l])
+    return least
+
+
 @lanes
 def widen(gap, deep):  # type: ignore[no-untyped-def]
     """Forget the gaps."""
@@ -128,7 +173,7 @@ def take(gap, drift):  # type: ignore[no-untyped-def]
     return found
 
 
-@lanes
+@part
 def drift_of(sway, a, b, fixed, common, slack, drift):  # type: ignore[no-untyped-def]
     """How far two shapes may come closer inside the cells, less the slack [m]."""
     slack, zero = np.float32(slack), np.float32(0.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.compiled.bounds import drift_of, least, take, to_sphere, to_world, widen
+from planners.compiled.bounds import drift_of, least, nearest_sphere, nearest_world, take, to_sphere, to_world, widen
 from planners.compiled.jit import kernel, lanes, part
 from planners.compiled.kinematics import place_joints, place_sphere, place_sway
 from planners.compiled.layout import (
@@ -105,16 +105,14 @@ def _look_up(grid_i, grid_f, grid, number, q, gap):  # type: ignore[no-untyped-d
         gap[l] = grid[first + i * columns + k] if inside else -np.float32(np.inf)
 
 
-@kernel
-def _spheres_prove(shape_i, shape_f, fine, rot, pos, centre, spheres, known, a, b, ja, jb, drift, gap, deep, bar):  # type: ignore[no-untyped-def]
+@part
+def _spheres_prove(shape_i, shape_f, shape_s, fine, rot, pos, centre, spheres, known, a, b, ja, jb, drift, gap, deep, bar):  # type: ignore[no-untyped-def]
     """Whether spheres alone prove a pair apart in every lane; the gaps stay in ``gap`` and ``deep``."""
     fixed, kind = jb == 0, shape_i[b, SHAPE_KIND]
-    widen(gap, deep)
     if fixed:
-        to_world(kind, shape_f, b, centre, a, shape_f[a, BOUND], 0.0, gap, deep)
-    else:
-        to_sphere(centre, a, b, shape_f[a, BOUND] + shape_f[b, BOUND], 0.0, gap, deep)
-    if take(gap, drift) > bar:
+        if nearest_world(kind, shape_s, b, centre, a, shape_s[a, BOUND], drift) > bar:
+            return True
+    elif nearest_sphere(centre, a, b, shape_s[a, BOUND] + shape_s[b, BOUND], drift) > bar:
         return True
     widen(gap, deep)
     a0, a1 = shape_i[a, FINE_FIRST], shape_i[a, FINE_LAST]
@@ -154,7 +152,7 @@ def _first(order, n):  # type: ignore[no-untyped-def]
     order[0] = pair
 
 
-@kernel
+@lanes
 def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-untyped-def]
     """Judge the sixteen cells in ``work.q`` and ``work.e``; verdicts go to ``work.verdict``.
 
@@ -171,7 +169,7 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
         Whether a certain contact was found; with ``stop`` its pair is then the first of ``work.order``.
     """
     joint_i, joint_f, chain, reach, shape_i, shape_f, verts, fine, pair_i, grid_i, grid_f, grid = tables
-    q, e, rot, pos, centre, sway, spheres, known, drift, gap, deep, axis, narrow, order, left, verdict, _, _, count = work
+    q, e, rot, pos, centre, sway, spheres, known, drift, gap, deep, axis, narrow, order, left, verdict, _, _, count, shape_s = work
     count[0] += 1
     place_joints(joint_i, joint_f, q, rot, pos)
     for s in range(known.shape[0]):
@@ -203,7 +201,7 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
             if take(gap, drift) > bar:
                 continue
         elif _spheres_prove(
-            shape_i, shape_f, fine, rot, pos, centre, spheres, known, a, b, ja, jb, drift, gap, deep, bar
+            shape_i, shape_f, shape_s, fine, rot, pos, centre, spheres, known, a, b, ja, jb, drift, gap, deep, bar
         ):
             continue
         elif (kind != HULL or not fixed) and _touched(deep, np.float32(margin - SINGLE_PAD), verdict):

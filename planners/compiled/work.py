@@ -40,6 +40,7 @@ class Work(NamedTuple):
         verdict: ``(16,)``.
         mids, halves: ``(2, DEEPEST)`` intervals of an edge that wait.
         count: ``(1,)`` rakes so far.
+        shape_s: ``shape_f`` in single precision.
     """
 
     q: Array
@@ -61,6 +62,7 @@ class Work(NamedTuple):
     mids: Array
     halves: Array
     count: Longs
+    shape_s: Singles
 
 
 @kernel
@@ -94,4 +96,5 @@ def scratch(tables, slots):  # type: ignore[no-untyped-def]
         np.empty((2, DEEPEST)),
         np.empty((2, DEEPEST)),
         np.zeros(1, dtype=np.int64),
+        tables.shape_f.astype(np.float32),
     )
