@@ -103,12 +103,12 @@ def to_world(kind, shape_f, b, centre, s, less, core, gap, deep):  # type: ignor
 
 
 @part
-def nearest_world(kind, shape_s, b, centre, s, less, drift):  # type: ignore[no-untyped-def]
-    """The smallest gap, over the lanes, between a bounding sphere and a shape of the world, less the drift.
+def nearest_world(kind, shape_s, b, centre, s, less, drift, bar):  # type: ignore[no-untyped-def]
+    """In how many lanes the gap between a bounding sphere and a shape of the world, less the drift, is within ``bar``.
 
-    ``shape_s`` is ``shape_f`` in single precision.
+    ``shape_s`` is ``shape_f`` in single precision. Counts become vector instructions where minima do not.
     """
-    least = np.float32(np.inf)
+    close = np.int32(0)
     zero = np.float32(0.0)
     if kind == CYLINDER or kind == POINT:
         t0, t1, t2 = shape_s[b, POSITION], shape_s[b, POSITION + 1], shape_s[b, POSITION + 2]
@@ -119,7 +119,7 @@ def nearest_world(kind, shape_s, b, centre, s, less, drift):  # type: ignore[no-
             along = x * z0 + y * z1 + z * z2
             p = max(np.sqrt(max(x * x + y * y + z * z - along * along, zero)) - radius, zero)
             q = max(abs(along) - half, zero)
-            least = min(least, np.sqrt(p * p + q * q) - grown - drift[l])
+            close += np.int32(np.sqrt(p * p + q * q) - grown - drift[l] <= bar)
     else:
         R, t, h = BOX_ROTATION, BOX_POSITION, BOX_HALF
         r0, r1, r2, r3, r4 = shape_s[b, R], shape_s[b, R + 1], shape_s[b, R + 2], shape_s[b, R + 3], shape_s[b, R + 4]
@@ -131,20 +131,20 @@ def nearest_world(kind, shape_s, b, centre, s, less, drift):  # type: ignore[no-
             u = max(abs(r0 * x + r3 * y + r6 * z) - h0, zero)
             v = max(abs(r1 * x + r4 * y + r7 * z) - h1, zero)
             w = max(abs(r2 * x + r5 * y + r8 * z) - h2, zero)
-            least = min(least, np.sqrt(u * u + v * v + w * w) - less - drift[l])
-    return least
+            close += np.int32(np.sqrt(u * u + v * v + w * w) - less - drift[l] <= bar)
+    return close
 
 
 @part
-def nearest_sphere(centre, s, o, less, drift):  # type: ignore[no-untyped-def]
-    """The smallest gap, over the lanes, between two bounding spheres, less the drift."""
-    least = np.float32(np.inf)
+def nearest_sphere(centre, s, o, less, drift, bar):  # type: ignore[no-untyped-def]
+    """In how many lanes the gap between two bounding spheres, less the drift, is within ``bar``."""
+    close = np.int32(0)
     for l in range(LANES):
         x = centre[s, 0, l] - centre[o, 0, l]
         y = centre[s, 1, l] - centre[o, 1, l]
         z = centre[s, 2, l] - centre[o, 2, l]
-        least = min(least, np.sqrt(x * x + y * y + z * z) - less - drift[l])
-    return least
+        close += np.int32(np.sqrt(x * x + y * y + z * z) - less - drift[l] <= bar)
+    return close
 
 
 @lanes
@@ -155,21 +155,21 @@ def widen(gap, deep):  # type: ignore[no-untyped-def]
 
 
 @lanes
-def least(values):  # type: ignore[no-untyped-def]
-    """The smallest value."""
-    found = np.float32(np.inf)
+def below(values, bar):  # type: ignore[no-untyped-def]
+    """In how many lanes a value is below ``bar``."""
+    found = np.int32(0)
     for l in range(LANES):
-        found = min(found, values[l])
+        found += np.int32(values[l] < bar)
     return found
 
 
 @lanes
-def take(gap, drift):  # type: ignore[no-untyped-def]
-    """Take the drift from every gap; the smallest gap."""
-    found = np.float32(np.inf)
+def take(gap, drift, bar):  # type: ignore[no-untyped-def]
+    """Take the drift from every gap; in how many lanes it is then within ``bar``."""
+    found = np.int32(0)
     for l in range(LANES):
         gap[l] -= drift[l]
-        found = min(found, gap[l])
+        found += np.int32(gap[l] <= bar)
     return found
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.compiled.bounds import drift_of, least, nearest_sphere, nearest_world, take, to_sphere, to_world, widen
+from planners.compiled.bounds import below, drift_of, nearest_sphere, nearest_world, take, to_sphere, to_world, widen
 from planners.compiled.jit import kernel, lanes, part
 from planners.compiled.kinematics import place_joints, place_sphere, place_sway
 from planners.compiled.layout import (
@@ -110,9 +110,9 @@ def _spheres_prove(shape_i, shape_f, shape_s, fine, rot, pos, centre, spheres, k
     """Whether spheres alone prove a pair apart in every lane; the gaps stay in ``gap`` and ``deep``."""
     fixed, kind = jb == 0, shape_i[b, SHAPE_KIND]
     if fixed:
-        if nearest_world(kind, shape_s, b, centre, a, shape_s[a, BOUND], drift) > bar:
+        if nearest_world(kind, shape_s, b, centre, a, shape_s[a, BOUND], drift, bar) == 0:
             return True
-    elif nearest_sphere(centre, a, b, shape_s[a, BOUND] + shape_s[b, BOUND], drift) > bar:
+    elif nearest_sphere(centre, a, b, shape_s[a, BOUND] + shape_s[b, BOUND], drift, bar) == 0:
         return True
     widen(gap, deep)
     a0, a1 = shape_i[a, FINE_FIRST], shape_i[a, FINE_LAST]
@@ -129,13 +129,13 @@ def _spheres_prove(shape_i, shape_f, shape_s, fine, rot, pos, centre, spheres, k
         else:
             for m in range(b0, b1):
                 to_sphere(spheres, k, m, fine[3, k] + fine[3, m], fine[4, k] + fine[4, m], gap, deep)
-    return take(gap, drift) > bar
+    return take(gap, drift, bar) == 0
 
 
 @kernel
 def _touched(deep, bar, verdict):  # type: ignore[no-untyped-def]
     """Mark the lanes in which spheres inside both shapes overlap; whether there is one."""
-    if least(deep) >= bar:
+    if below(deep, bar) == 0:
         return False
     for l in range(LANES):
         if deep[l] < bar:
@@ -198,7 +198,7 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
         number = pair_i[pair, PAIR_TABLE]
         if number >= 0:
             _look_up(grid_i, grid_f, grid, number, q, gap)
-            if take(gap, drift) > bar:
+            if take(gap, drift, bar) == 0:
                 continue
         elif _spheres_prove(
             shape_i, shape_f, shape_s, fine, rot, pos, centre, spheres, known, a, b, ja, jb, drift, gap, deep, bar
