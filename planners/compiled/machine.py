@@ -8,7 +8,7 @@ from planners.compiled.bounds import drift_of
 from planners.compiled.edges import begin, judge_cells, judge_path
 from planners.compiled.jit import entry, kernel, part
 from planners.compiled.kinematics import place_joints, place_sphere, place_sway
-from planners.compiled.layout import BOUND, CENTRE, LANES, PAIR_A, PAIR_B, PAIR_COMMON, SHAPE_JOINT
+from planners.compiled.layout import BOUND, CENTRE, LANES, PAIR_A, PAIR_B, PAIR_COMMON, RADIUS, SHAPE_JOINT
 from planners.compiled.narrow import separate
 from planners.compiled.rake import relative, start_axis
 from planners.compiled.shortcut import shorten
@@ -60,6 +60,7 @@ def _distances(tables, work, slots, points, plays, pair):  # type: ignore[no-unt
     """Lower bounds ``(n, 1)`` of the distance of a pair anywhere in cells [m]."""
     joint_i, shape_i, shape_f = tables.joint_i, tables.shape_i, tables.shape_f
     a, b = tables.pair_i[pair, PAIR_A], tables.pair_i[pair, PAIR_B]
+    grown = shape_f[a, RADIUS] + shape_f[b, RADIUS]
     endless = np.inf + slots[0]
     found = np.empty((points.shape[0], 1))
     for first in range(0, points.shape[0], LANES):
@@ -83,5 +84,5 @@ def _distances(tables, work, slots, points, plays, pair):  # type: ignore[no-unt
             relative(shape_i, shape_f, work.rot, work.pos, work.narrow, a, b, l)
             start_axis(work.axis, pair, work.narrow)
             lower, _ = separate(shape_i, shape_f, tables.verts, a, b, work.axis, pair, endless, -endless, work.narrow)
-            found[first + l, 0] = lower - work.drift[l]
+            found[first + l, 0] = lower - grown - work.drift[l]
     return found

@@ -103,11 +103,20 @@ def cover_of(shape: Shape, spheres: int) -> Cover:
     fine = np.zeros((0, 5))
     if spheres:
         centres, radii = sphere_cover(corners, spheres)
-        fine = np.column_stack([centres, radii, inner_radii(corners, centres)])
+        fine = np.column_stack([centres, radii, _inside(shape, corners, centres)])
     if shape.kind == at.HULL:
         return Cover(corners, *bounding_sphere(corners), *oriented_box(corners), fine)
     half = np.abs(corners[0])
     return Cover(corners, np.zeros(3), float(np.linalg.norm(half)), np.eye(3), np.zeros(3), half, fine)
+
+
+def _inside(shape: Shape, corners: Array, centres: Array) -> Array:
+    """Radii ``(k,)`` [m] of spheres about the centres that lie inside the core."""
+    if shape.kind != at.CYLINDER:
+        return inner_radii(corners, centres)
+    radius, half = np.ravel(shape.size)[:2]
+    radii = np.minimum(radius - np.hypot(centres[:, 0], centres[:, 1]), half - np.abs(centres[:, 2]))
+    return np.where(radii > 0.0, radii, -np.inf)
 
 
 def _corners(shape: Shape) -> Array:
