@@ -11,7 +11,7 @@ import pinocchio as pin
 from planners.compiled import layout as at
 from planners.compiled.cell import HELD_SPHERES, Cell, Motion
 from planners.compiled.robot import Robot, robot
-from planners.compiled.tables import Shape, cover_of
+from planners.compiled.tables import Flags, Shape, cover_of
 from planners.pairs import public_name
 from robots.spatial import Array
 
@@ -26,7 +26,7 @@ class Mirror:
         self._place: tuple[int, pin.SE3] | None = None
         self._cell: Cell | None = None
         self._allowed: frozenset[frozenset[str]] = frozenset()
-        self._active: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None
+        self._active: Flags | None = None
 
     def set_object(self, name: str, hulls: Sequence[Array]) -> None:
         """Replace the object; it is absent until placed."""
@@ -58,7 +58,7 @@ class Mirror:
             self._cell = Cell(self._robot, others, [(k, count + m) for m in range(len(others)) for k in range(count)])
         return self._cell
 
-    def _counted(self, cell: Cell) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def _counted(self, cell: Cell) -> Flags:
         """Which pairs of a cell may not touch."""
         names = [*self._names, *cell.names[len(self._names) :]]
         ends = cell.tables.pair_i[:, [at.PAIR_A, at.PAIR_B]].tolist()

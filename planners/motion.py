@@ -131,7 +131,7 @@ def plan(
     A straight line to a goal is tried first, nearest goal first; then RRT-Connect, and the result is shortened and its
     corners are cut. Every edge is proven: at the states looked at it keeps the world's margin, and between them not
     more than ``SLACK`` of the margin can be lost. The same arguments give the same path: the search ends after a number
-    of iterations, never by the clock, except for OMPL's optimising planners, which use all the time that they are given.
+    of iterations, never by the clock, except for OMPL's optimising planners, which use all their time.
 
     Args:
         world: Collisions, already set up (object, fingers, allowed contacts).
@@ -159,7 +159,9 @@ def plan(
     usable = [goal for goal in goals if arm.within_limits(goal) and free(goal)]
     usable.sort(key=lambda goal: float(np.linalg.norm(goal - start)))
     search = _Search(world, arm, q_other, seed)
-    found = search.tree(start, usable, iterations) if planner == TREE else search.ompl(start, usable, planner, iterations)
+    found = (
+        search.tree(start, usable, iterations) if planner == TREE else search.ompl(start, usable, planner, iterations)
+    )
     if isinstance(found, Exhausted):
         return NoPath(found)
     if len(found) == 2:

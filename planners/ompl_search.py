@@ -62,13 +62,7 @@ def search(
     util.setLogLevel(util.LOG_NONE)
     util.RNG.setSeed(max(1, seed))
     size = len(start)
-    space = base.RealVectorStateSpace(size)
-    box = base.RealVectorBounds(size)
-    ends = np.vstack([start, goals, bounds])
-    for k in range(size):
-        box.setLow(k, float(ends[:, k].min()))
-        box.setHigh(k, float(ends[:, k].max()))
-    space.setBounds(box)
+    space = _space(np.vstack([start, goals, bounds]))
     info = base.SpaceInformation(space)
 
     def values(state: Any) -> Array:
@@ -89,12 +83,12 @@ def search(
     for goal in goals:
         targets.addState(_state(space, goal))
     problem.setGoal(targets)
-    if planner != "RRTConnect":
-        problem.setOptimizationObjective(base.PathLengthOptimizationObjective(info))
     chosen = getattr(geometric, planner)(info)
-    chosen.setProblemDefinition(problem)
     if planner == "RRTConnect":
         chosen.setRange(longest)
+    else:
+        problem.setOptimizationObjective(base.PathLengthOptimizationObjective(info))
+    chosen.setProblemDefinition(problem)
     chosen.setup()
     chosen.solve(float(stop) if isinstance(stop, int | float) else base.PlannerTerminationCondition(stop))
     if clock is not None:
@@ -107,6 +101,18 @@ def search(
         return raw, None
     geometric.PathSimplifier(info).simplify(path, simplify)
     return raw, np.array([values(state) for state in path.getStates()])
+
+
+def _space(ends: Array) -> Any:
+    """A box of joint space around the rows of ``ends``."""
+    from ompl import base
+
+    space, box = base.RealVectorStateSpace(ends.shape[1]), base.RealVectorBounds(ends.shape[1])
+    for k in range(ends.shape[1]):
+        box.setLow(k, float(ends[:, k].min()))
+        box.setHigh(k, float(ends[:, k].max()))
+    space.setBounds(box)
+    return space
 
 
 def _state(space: Any, q: Array) -> Any:

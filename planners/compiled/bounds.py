@@ -24,7 +24,7 @@ from planners.compiled.layout import (
 
 
 @lanes
-def _to_box(centre, s, shape_f, b, less, core, gap, deep):  # type: ignore[no-untyped-def]
+def _to_box(centre, s, shape_f, b, less, core, gap, deep):
     """Distance of a sphere's centres from the oriented box of a shape, less a radius."""
     R, t, h = BOX_ROTATION, BOX_POSITION, BOX_HALF
     r0, r1, r2 = np.float32(shape_f[b, R]), np.float32(shape_f[b, R + 1]), np.float32(shape_f[b, R + 2])
@@ -45,7 +45,7 @@ def _to_box(centre, s, shape_f, b, less, core, gap, deep):  # type: ignore[no-un
 
 
 @lanes
-def _to_cylinder(centre, s, shape_f, b, less, core, gap, deep):  # type: ignore[no-untyped-def]
+def _to_cylinder(centre, s, shape_f, b, less, core, gap, deep):
     """Distance of a sphere's centres from a cylinder, less a radius."""
     t, R = POSITION, ROTATION
     t0, t1, t2 = np.float32(shape_f[b, t]), np.float32(shape_f[b, t + 1]), np.float32(shape_f[b, t + 2])
@@ -66,7 +66,7 @@ def _to_cylinder(centre, s, shape_f, b, less, core, gap, deep):  # type: ignore[
 
 
 @lanes
-def _to_point(centre, s, shape_f, b, less, core, gap, deep):  # type: ignore[no-untyped-def]
+def _to_point(centre, s, shape_f, b, less, core, gap, deep):
     """Distance of a sphere's centres from a sphere of the world, less a radius."""
     t = POSITION
     t0, t1, t2 = np.float32(shape_f[b, t]), np.float32(shape_f[b, t + 1]), np.float32(shape_f[b, t + 2])
@@ -79,7 +79,7 @@ def _to_point(centre, s, shape_f, b, less, core, gap, deep):  # type: ignore[no-
 
 
 @lanes
-def to_sphere(centre, s, o, less, core, gap, deep):  # type: ignore[no-untyped-def]
+def to_sphere(centre, s, o, less, core, gap, deep):
     """Lower every gap to the distance between two spheres' centres, less the radii."""
     less, core = np.float32(less), np.float32(core)
     for l in range(LANES):
@@ -92,7 +92,7 @@ def to_sphere(centre, s, o, less, core, gap, deep):  # type: ignore[no-untyped-d
 
 
 @lanes
-def to_world(kind, shape_f, b, centre, s, less, core, gap, deep):  # type: ignore[no-untyped-def]
+def to_world(kind, shape_f, b, centre, s, less, core, gap, deep):
     """Lower every gap to the distance of a sphere from a shape of the world."""
     if kind == CYLINDER:
         _to_cylinder(centre, s, shape_f, b, less, core, gap, deep)
@@ -103,14 +103,14 @@ def to_world(kind, shape_f, b, centre, s, less, core, gap, deep):  # type: ignor
 
 
 @part
-def nearest_world(kind, shape_s, b, centre, s, less, drift, bar):  # type: ignore[no-untyped-def]
+def nearest_world(kind, shape_s, b, centre, s, less, drift, bar):
     """In how many lanes the gap between a bounding sphere and a shape of the world, less the drift, is within ``bar``.
 
     ``shape_s`` is ``shape_f`` in single precision. Counts become vector instructions where minima do not.
     """
     close = np.int32(0)
     zero = np.float32(0.0)
-    if kind == CYLINDER or kind == POINT:
+    if kind in (CYLINDER, POINT):
         t0, t1, t2 = shape_s[b, POSITION], shape_s[b, POSITION + 1], shape_s[b, POSITION + 2]
         z0, z1, z2 = shape_s[b, ROTATION + 2], shape_s[b, ROTATION + 5], shape_s[b, ROTATION + 8]
         radius, half, grown = shape_s[b, PARAM], shape_s[b, PARAM + 1], less + shape_s[b, RADIUS]
@@ -136,7 +136,7 @@ def nearest_world(kind, shape_s, b, centre, s, less, drift, bar):  # type: ignor
 
 
 @part
-def nearest_sphere(centre, s, o, less, drift, bar):  # type: ignore[no-untyped-def]
+def nearest_sphere(centre, s, o, less, drift, bar):
     """In how many lanes the gap between two bounding spheres, less the drift, is within ``bar``."""
     close = np.int32(0)
     for l in range(LANES):
@@ -148,14 +148,14 @@ def nearest_sphere(centre, s, o, less, drift, bar):  # type: ignore[no-untyped-d
 
 
 @lanes
-def widen(gap, deep):  # type: ignore[no-untyped-def]
+def widen(gap, deep):
     """Forget the gaps."""
     for l in range(LANES):
         gap[l] = deep[l] = np.float32(np.inf)
 
 
 @lanes
-def below(values, bar):  # type: ignore[no-untyped-def]
+def below(values, bar):
     """In how many lanes a value is below ``bar``."""
     found = np.int32(0)
     for l in range(LANES):
@@ -164,7 +164,7 @@ def below(values, bar):  # type: ignore[no-untyped-def]
 
 
 @lanes
-def take(gap, drift, bar):  # type: ignore[no-untyped-def]
+def take(gap, drift, bar):
     """Take the drift from every gap; in how many lanes it is then within ``bar``."""
     found = np.int32(0)
     for l in range(LANES):
@@ -174,7 +174,7 @@ def take(gap, drift, bar):  # type: ignore[no-untyped-def]
 
 
 @part
-def drift_of(sway, a, b, fixed, common, slack, drift):  # type: ignore[no-untyped-def]
+def drift_of(sway, a, b, fixed, common, slack, drift):
     """How far two shapes may come closer inside the cells, less the slack [m]."""
     slack, zero = np.float32(slack), np.float32(0.0)
     if fixed:

@@ -10,7 +10,7 @@ import numpy as np
 from planners.compiled import layout as at
 from planners.compiled.machine import CELLS, CONNECT, PATH, SHORTEN, STATES, run
 from planners.compiled.robot import Robot
-from planners.compiled.tables import Integers, Shape, ShapeRows, Tables, joined_rows, pair_rows, shape_rows
+from planners.compiled.tables import Flags, Integers, Shape, ShapeRows, Tables, joined_rows, pair_rows, shape_rows
 from robots.spatial import Array
 
 HELD_SPHERES = 3
@@ -54,7 +54,7 @@ class Motion:
 
     def cells(self, centres: Array, plays: Array, margin: float = 0.0) -> Integers:
         """Verdicts ``(n,)`` on all configurations within ``plays`` ``(n, d)`` of ``centres`` ``(n, d)`` [rad]."""
-        return self._run(CELLS, centres, np.ascontiguousarray(plays, dtype=np.float64), margin)[1]
+        return self._run(CELLS, centres, np.array(plays, dtype=np.float64, order="C"), margin)[1]
 
     def path(self, points: Array, margin: float = 0.0, slack: float = 0.0) -> tuple[int, int]:
         """The first edge of a path ``(n, d)`` [rad] that is not proven free, and the verdict on it.
@@ -78,13 +78,11 @@ class Motion:
     ) -> Found:
         """A path of proven edges from ``start`` ``(d,)`` to one of ``goals`` ``(m, d)``, nearest first [rad]."""
         ends = np.vstack([start, goals])
-        box = np.ascontiguousarray(bounds, dtype=np.float64)
+        box = np.array(bounds, dtype=np.float64, order="C")
         points, _, used, states = self._run(CONNECT, ends, box, margin, slack, longest, samples, seed)
         return Found(points, int(used), int(states))
 
-    def shorten(
-        self, path: Array, *, seed: int, margin: float = 0.0, slack: float = 0.0, attempts: int = 60
-    ) -> Array:
+    def shorten(self, path: Array, *, seed: int, margin: float = 0.0, slack: float = 0.0, attempts: int = 60) -> Array:
         """A path of proven edges with the same ends that is no longer than ``path`` ``(n, d)`` [rad]."""
         return self._run(SHORTEN, path, _NOTHING, margin, slack, 0.0, attempts, seed)[0]
 
@@ -99,7 +97,7 @@ class Motion:
         count: int = 0,
         seed: int = 0,
     ) -> tuple[Array, Integers, int, int]:
-        points = np.ascontiguousarray(points, dtype=np.float64)
+        points = np.array(points, dtype=np.float64, order="C")  # numba compiles anew for a read-only array
         found: tuple[Array, Integers, int, int] = run(
             task, self.tables, self.rest, self.slots, points, more, margin, slack, longest, count, seed
         )
@@ -128,7 +126,7 @@ class Cell:
         self.tables = _assembled(robot, rows, np.concatenate([robot.pair_i, added]))
         self._movers = _movers(self.tables)
 
-    def motion(self, slots: Sequence[int], rest: Array, active: Array | None = None) -> Motion:
+    def motion(self, slots: Sequence[int], rest: Array, active: Flags | None = None) -> Motion:
         """The motion of the joints at ``slots`` while the others stay at ``rest`` ``(slots,)`` [rad].
 
         Args:
@@ -137,9 +135,9 @@ class Cell:
             active: ``(pairs,)`` whether a pair counts; all without it.
         """
         chosen = np.array(slots, dtype=np.int32)
-        moved = self._movers[:, chosen].any(axis=1)
+        moved = np.asarray(self._movers[:, chosen].any(axis=1))
         if active is not None:
-            moved &= active
+            moved = moved & active
         tables = self.tables._replace(pair_i=np.ascontiguousarray(self.tables.pair_i[moved]))
         return Motion(tables, np.array(rest, dtype=np.float64), chosen)
 
@@ -160,7 +158,7 @@ def _assembled(robot: Robot, rows: ShapeRows, pair_i: Integers) -> Tables:
     )
 
 
-def _movers(tables: Tables) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+def _movers(tables: Tables) -> Flags:
     """``(pairs, slots)`` which joint positions change the distance of a pair."""
     slots = tables.joint_i[:, at.JOINT_SLOT]
     on = np.zeros((len(slots), int(slots.max()) + 1), dtype=bool)

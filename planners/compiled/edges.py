@@ -17,14 +17,14 @@ FINEST = 1e-5
 
 
 @kernel
-def all_pairs(work):  # type: ignore[no-untyped-def]
+def all_pairs(work):
     """Number of pairs, none of them open."""
     work.open[:] = 0
     return work.order.shape[0]
 
 
 @kernel
-def _open_pairs(work, pairs):  # type: ignore[no-untyped-def]
+def _open_pairs(work, pairs):
     """Bring the open pairs to the front of the order; how many they are."""
     kept = 0
     for n in range(pairs):
@@ -37,7 +37,7 @@ def _open_pairs(work, pairs):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill(work, slots, a, b, side, first, count):  # type: ignore[no-untyped-def]
+def _fill(work, slots, a, b, side, first, count):
     """Let the lanes stand for waiting intervals ``first ..``; lanes beyond ``count`` repeat the first."""
     for l in range(LANES):
         k = first + (l if l < count else 0)
@@ -49,7 +49,7 @@ def _fill(work, slots, a, b, side, first, count):  # type: ignore[no-untyped-def
 
 
 @kernel
-def edge(tables, work, slots, a, b, margin, slack):  # type: ignore[no-untyped-def]
+def edge(tables, work, slots, a, b, margin, slack):
     """The verdict on the straight line between two configurations, ends included.
 
     Args:
@@ -94,7 +94,7 @@ def edge(tables, work, slots, a, b, margin, slack):  # type: ignore[no-untyped-d
 
 
 @kernel
-def _keep_open(work, side, first, count, left):  # type: ignore[no-untyped-def]
+def _keep_open(work, side, first, count, left):
     """Move the intervals of unproven lanes to the other side; how many lie there now."""
     for l in range(count):
         if work.verdict[l] != FREE:
@@ -105,7 +105,7 @@ def _keep_open(work, side, first, count, left):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _cut(work, side, left):  # type: ignore[no-untyped-def]
+def _cut(work, side, left):
     """Cut every interval of the other side into equal parts, two to eight so as to fill the lanes; how many result."""
     parts = min(8, max(2, LANES // left))
     if left * parts > DEEPEST:
@@ -119,7 +119,7 @@ def _cut(work, side, left):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def begin(tables, rest):  # type: ignore[no-untyped-def]
+def begin(tables, rest):
     """Scratch in which every joint is where ``rest`` ``(slots,)`` says, without play."""
     work = scratch(tables, rest.shape[0])
     for k in range(rest.shape[0]):
@@ -128,7 +128,7 @@ def begin(tables, rest):  # type: ignore[no-untyped-def]
 
 
 @part
-def judge_path(tables, work, slots, points, margin, slack):  # type: ignore[no-untyped-def]
+def judge_path(tables, work, slots, points, margin, slack):
     """The first edge of a path ``(n, d)`` that is not proven free, and its verdict; ``n - 1`` and FREE when all are."""
     for k in range(points.shape[0] - 1):
         verdict = edge(tables, work, slots, points[k], points[k + 1], margin, slack)
@@ -138,7 +138,7 @@ def judge_path(tables, work, slots, points, margin, slack):  # type: ignore[no-u
 
 
 @part
-def judge_cells(tables, work, slots, centres, plays, margin, still):  # type: ignore[no-untyped-def]
+def judge_cells(tables, work, slots, centres, plays, margin, still):
     """The verdicts ``(n,)`` on cells: centres ``(n, d)`` and how far each joint may be from them ``(n, d)``.
 
     With ``still``, the plays are zero and not looked at.

@@ -13,7 +13,7 @@ _HALF_PI_LOW = 6.077100506506192e-11
 
 
 @lanes
-def _turn(rot, pos, p, j, q, slot, joint_f):  # type: ignore[no-untyped-def]
+def _turn(rot, pos, p, j, q, slot, joint_f):
     """Pose of a revolute joint from its parent's; sine and cosine by their series within a quarter turn."""
     f0, f1, f2, f3, f4, f5 = joint_f[j, 0], joint_f[j, 1], joint_f[j, 2], joint_f[j, 3], joint_f[j, 4], joint_f[j, 5]
     f6, f7, f8, t0, t1, t2 = joint_f[j, 6], joint_f[j, 7], joint_f[j, 8], joint_f[j, 9], joint_f[j, 10], joint_f[j, 11]
@@ -41,7 +41,7 @@ def _turn(rot, pos, p, j, q, slot, joint_f):  # type: ignore[no-untyped-def]
 
 
 @lanes
-def _slide(rot, pos, p, j, q, slot, joint_f):  # type: ignore[no-untyped-def]
+def _slide(rot, pos, p, j, q, slot, joint_f):
     """Pose of a prismatic joint from its parent's."""
     for i in range(3):
         for k in range(3):
@@ -56,7 +56,7 @@ def _slide(rot, pos, p, j, q, slot, joint_f):  # type: ignore[no-untyped-def]
 
 
 @lanes
-def place_joints(joint_i, joint_f, q, rot, pos):  # type: ignore[no-untyped-def]
+def place_joints(joint_i, joint_f, q, rot, pos):
     """Poses of all joints at joint positions ``q`` ``(slots, 16)``."""
     for j in range(1, joint_i.shape[0]):
         parent, slot = joint_i[j, JOINT_PARENT], joint_i[j, JOINT_SLOT]
@@ -67,7 +67,7 @@ def place_joints(joint_i, joint_f, q, rot, pos):  # type: ignore[no-untyped-def]
 
 
 @lanes
-def place_sphere(rot, pos, j, x, y, z, centre, s):  # type: ignore[no-untyped-def]
+def place_sphere(rot, pos, j, x, y, z, centre, s):
     """Where a point of a joint's frame is, to row ``s`` of ``centre`` ``(n, 3, 16)``."""
     for i in range(3):
         for l in range(LANES):
@@ -76,7 +76,7 @@ def place_sphere(rot, pos, j, x, y, z, centre, s):  # type: ignore[no-untyped-de
 
 
 @lanes
-def _sway(rot, pos, j, centre, s, bound, e, slot, reach, turns, beyond, sway, i):  # type: ignore[no-untyped-def]
+def _sway(rot, pos, j, centre, s, bound, e, slot, reach, turns, beyond, sway, i):
     """Add what one joint can move a shape: its play times the furthest that a point can be from its axis.
 
     That distance is the one at the centre of the cell, plus how far the joints beyond can carry the point.
@@ -95,7 +95,7 @@ def _sway(rot, pos, j, centre, s, bound, e, slot, reach, turns, beyond, sway, i)
 
 
 @lanes
-def place_sway(joint_i, chain, reach, joint, s, bound, e, rot, pos, centre, sway, beyond):  # type: ignore[no-untyped-def]
+def place_sway(joint_i, chain, reach, joint, s, bound, e, rot, pos, centre, sway, beyond):
     """How far any point of a shape may be from where it is at the centre of the cell, by depth of the joint [m].
 
     Row ``i`` counts the joints from the ``i``-th of the shape's chain on, so row 0 is the motion in the world.

@@ -20,7 +20,17 @@ JOINT_PARENT, JOINT_KIND, JOINT_SLOT, JOINT_DEPTH = 0, 1, 2, 3
 SHAPE_JOINT, SHAPE_KIND, SHAPE_FIRST, SHAPE_LAST, FINE_FIRST, FINE_LAST = 0, 1, 2, 3, 4, 5
 """Columns of ``shape_i``: joint it rides on, kind, range of vertices, range of fine spheres."""
 
-ROTATION, POSITION, PARAM, RADIUS, CENTRE, BOUND, BOX_ROTATION, BOX_POSITION, BOX_HALF = 0, 9, 12, 15, 16, 19, 20, 29, 32
+ROTATION, POSITION, PARAM, RADIUS, CENTRE, BOUND, BOX_ROTATION, BOX_POSITION, BOX_HALF = (
+    0,
+    9,
+    12,
+    15,
+    16,
+    19,
+    20,
+    29,
+    32,
+)
 """First columns of ``shape_f``: pose on the joint; half extents, or radius and half length; radius added; bounding
 sphere in the joint frame; an oriented box that contains the shape, in the joint frame [m]."""
 

@@ -6,20 +6,34 @@ import numpy as np
 
 from planners.compiled.bounds import drift_of
 from planners.compiled.edges import begin, judge_cells, judge_path
-from planners.compiled.jit import entry, kernel, part
+from planners.compiled.jit import entry, part
 from planners.compiled.kinematics import place_joints, place_sphere, place_sway
 from planners.compiled.layout import BOUND, CENTRE, LANES, PAIR_A, PAIR_B, PAIR_COMMON, RADIUS, SHAPE_JOINT
 from planners.compiled.narrow import separate
 from planners.compiled.rake import relative, start_axis
 from planners.compiled.shortcut import shorten
+from planners.compiled.tables import Integers, Tables
 from planners.compiled.tree import connect
+from robots.spatial import Array
 
 CELLS, STATES, PATH, CONNECT, SHORTEN, GRID = range(6)
 """Tasks of ``run``."""
 
 
 @entry
-def run(task, tables, rest, slots, points, more, margin, slack, longest, count, seed):  # type: ignore[no-untyped-def]
+def run(
+    task: int,
+    tables: Tables,
+    rest: Array,
+    slots: Integers,
+    points: Array,
+    more: Array,
+    margin: float,
+    slack: float,
+    longest: float,
+    count: int,
+    seed: int,
+) -> tuple[Array, Integers, int, int]:
     """Do one task; see the functions that it calls.
 
     Args:
@@ -56,7 +70,7 @@ def run(task, tables, rest, slots, points, more, margin, slack, longest, count, 
 
 
 @part
-def _distances(tables, work, slots, points, plays, pair):  # type: ignore[no-untyped-def]
+def _distances(tables, work, slots, points, plays, pair):
     """Lower bounds ``(n, 1)`` of the distance of a pair anywhere in cells [m]."""
     joint_i, shape_i, shape_f = tables.joint_i, tables.shape_i, tables.shape_f
     a, b = tables.pair_i[pair, PAIR_A], tables.pair_i[pair, PAIR_B]
@@ -77,7 +91,18 @@ def _distances(tables, work, slots, points, plays, pair):  # type: ignore[no-unt
             place_sphere(work.rot, work.pos, j, x, y, z, work.centre, s)
             bound = shape_f[s, BOUND]
             place_sway(
-                joint_i, tables.chain, tables.reach, j, s, bound, work.e, work.rot, work.pos, work.centre, work.sway, work.gap
+                joint_i,
+                tables.chain,
+                tables.reach,
+                j,
+                s,
+                bound,
+                work.e,
+                work.rot,
+                work.pos,
+                work.centre,
+                work.sway,
+                work.gap,
             )
         drift_of(work.sway, a, b, False, tables.pair_i[pair, PAIR_COMMON], 0.0, work.drift)
         for l in range(count):

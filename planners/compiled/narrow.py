@@ -25,7 +25,7 @@ INSIDE = 1e-24
 
 
 @lanes
-def highest(verts, first, last, x, y, z):  # type: ignore[no-untyped-def]
+def highest(verts, first, last, x, y, z):
     """The largest product of a direction with vertices ``first .. last - 1``."""
     best = -np.inf
     for k in range(first, last):
@@ -34,7 +34,7 @@ def highest(verts, first, last, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _support(shape_i, shape_f, verts, s, x, y, z, work, row):  # type: ignore[no-untyped-def]
+def _support(shape_i, shape_f, verts, s, x, y, z, work, row):
     """Write the point of a shape that is furthest along a direction of its own frame to a row of ``work``."""
     kind = shape_i[s, SHAPE_KIND]
     if kind == BOX:
@@ -59,7 +59,7 @@ def _support(shape_i, shape_f, verts, s, x, y, z, work, row):  # type: ignore[no
 
 
 @kernel
-def _extent(shape_i, shape_f, verts, s, x, y, z):  # type: ignore[no-untyped-def]
+def _extent(shape_i, shape_f, verts, s, x, y, z):
     """The largest product of a direction of a shape's own frame with its points."""
     kind = shape_i[s, SHAPE_KIND]
     if kind == BOX:
@@ -72,7 +72,7 @@ def _extent(shape_i, shape_f, verts, s, x, y, z):  # type: ignore[no-untyped-def
 
 
 @kernel
-def gap_along(shape_i, shape_f, verts, a, b, x, y, z, work):  # type: ignore[no-untyped-def]
+def gap_along(shape_i, shape_f, verts, a, b, x, y, z, work):
     """Lower bound of the distance of two cores [m]: the gap between planes whose unit normal points from b to a.
 
     The direction is in the frame of a; rows 12 to 15 of ``work`` hold the pose of b in that frame.
@@ -86,7 +86,7 @@ def gap_along(shape_i, shape_f, verts, a, b, x, y, z, work):  # type: ignore[no-
 
 
 @kernel
-def separate(shape_i, shape_f, verts, a, b, axis, pair, enough, little, work):  # type: ignore[no-untyped-def]
+def separate(shape_i, shape_f, verts, a, b, axis, pair, enough, little, work):
     """Lower and upper bound of the distance of two cores [m].
 
     Ends as soon as the lower one exceeds ``enough`` or the upper one falls below ``little``. A negative upper bound
@@ -135,7 +135,7 @@ def separate(shape_i, shape_f, verts, a, b, axis, pair, enough, little, work):  
 
 
 @kernel
-def _difference(shape_i, shape_f, verts, a, b, x, y, z, work):  # type: ignore[no-untyped-def]
+def _difference(shape_i, shape_f, verts, a, b, x, y, z, work):
     """Write the point of the Minkowski difference that is furthest against a direction to row 4."""
     _support(shape_i, shape_f, verts, a, -x, -y, -z, work, 4)
     bx = work[12, 0] * x + work[13, 0] * y + work[14, 0] * z
@@ -148,7 +148,7 @@ def _difference(shape_i, shape_f, verts, a, b, x, y, z, work):  # type: ignore[n
 
 
 @kernel
-def _flat(work, base, size):  # type: ignore[no-untyped-def]
+def _flat(work, base, size):
     """Shrink a point, segment or triangle in rows ``base ..`` to what carries its point closest to the origin.
 
     The point goes to row ``base + 5``. Returns the new size. A triangle's own point is the closest one where the origin
@@ -188,12 +188,12 @@ def _flat(work, base, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _minus(work, i, j):  # type: ignore[no-untyped-def]
+def _minus(work, i, j):
     return work[i, 0] - work[j, 0], work[i, 1] - work[j, 1], work[i, 2] - work[j, 2]
 
 
 @kernel
-def _reduce(work, size):  # type: ignore[no-untyped-def]
+def _reduce(work, size):
     """Shrink the simplex in rows ``0 .. size - 1`` to what carries its point closest to the origin.
 
     The point goes to row 5. Returns the new size; 4 when the origin is inside. Of a tetrahedron, the closest point is
@@ -202,10 +202,10 @@ def _reduce(work, size):  # type: ignore[no-untyped-def]
     if size < 4:
         return _flat(work, 0, size)
     best, which = np.inf, -1
-    for face in range(5):
-        if face == 4 and which < 0:
+    for turn in range(5):
+        if turn == 4 and which < 0:
             return 4
-        face = which if face == 4 else face
+        face = which if turn == 4 else turn
         i, j, k = (face + 1) % 4, (face + 2) % 4, (face + 3) % 4
         ux, uy, uz = _minus(work, j, i)
         vx, vy, vz = _minus(work, k, i)
@@ -217,7 +217,7 @@ def _reduce(work, size):  # type: ignore[no-untyped-def]
                 work[6, c], work[7, c], work[8, c] = work[i, c], work[j, c], work[k, c]
             kept = _flat(work, 6, 3)
             distance = work[11, 0] * work[11, 0] + work[11, 1] * work[11, 1] + work[11, 2] * work[11, 2]
-            if face == which:
+            if turn == 4:
                 for c in range(3):
                     work[0, c], work[1, c], work[2, c] = work[6, c], work[7, c], work[8, c]
                     work[5, c] = work[11, c]

@@ -46,7 +46,7 @@ DOUBLE_PAD = 1e-9
 
 
 @kernel
-def relative(shape_i, shape_f, rot, pos, narrow, a, b, l):  # type: ignore[no-untyped-def]
+def relative(shape_i, shape_f, rot, pos, narrow, a, b, l):
     """Write the pose of shape b in the frame of shape a, in one lane, to rows 12 to 15 of ``narrow``."""
     ja, jb = shape_i[a, SHAPE_JOINT], shape_i[b, SHAPE_JOINT]
     for i in range(3):
@@ -68,7 +68,7 @@ def relative(shape_i, shape_f, rot, pos, narrow, a, b, l):  # type: ignore[no-un
 
 
 @kernel
-def start_axis(axis, pair, narrow):  # type: ignore[no-untyped-def]
+def start_axis(axis, pair, narrow):
     """Begin with the direction between the origins where no direction is known yet."""
     if axis[pair, 0] != 0.0 or axis[pair, 1] != 0.0 or axis[pair, 2] != 0.0:
         return
@@ -81,7 +81,7 @@ def start_axis(axis, pair, narrow):  # type: ignore[no-untyped-def]
 
 
 @part
-def _exact(shape_i, shape_f, verts, rot, pos, narrow, axis, pair, a, b, l, drift, margin):  # type: ignore[no-untyped-def]
+def _exact(shape_i, shape_f, verts, rot, pos, narrow, axis, pair, a, b, l, drift, margin):
     """The verdict on one pair in one lane."""
     relative(shape_i, shape_f, rot, pos, narrow, a, b, l)
     start_axis(axis, pair, narrow)
@@ -94,7 +94,7 @@ def _exact(shape_i, shape_f, verts, rot, pos, narrow, axis, pair, a, b, l, drift
 
 
 @lanes
-def _look_up(grid_i, grid_f, grid, number, q, gap):  # type: ignore[no-untyped-def]
+def _look_up(grid_i, grid_f, grid, number, q, gap):
     """The gaps that a distance table knows; nothing is known outside of it."""
     rows, columns = grid_i[number, GRID_ROWS], grid_i[number, GRID_COLUMNS]
     first, a, b = grid_i[number, GRID_FIRST], grid_i[number, GRID_SLOT_A], grid_i[number, GRID_SLOT_B]
@@ -106,7 +106,9 @@ def _look_up(grid_i, grid_f, grid, number, q, gap):  # type: ignore[no-untyped-d
 
 
 @part
-def _spheres_prove(shape_i, shape_f, shape_s, fine, rot, pos, centre, spheres, known, a, b, ja, jb, drift, gap, deep, bar):  # type: ignore[no-untyped-def]
+def _spheres_prove(
+    shape_i, shape_f, shape_s, fine, rot, pos, centre, spheres, known, a, b, ja, jb, drift, gap, deep, bar
+):
     """Whether spheres alone prove a pair apart in every lane; the gaps stay in ``gap`` and ``deep``."""
     fixed, kind = jb == 0, shape_i[b, SHAPE_KIND]
     if fixed:
@@ -133,7 +135,7 @@ def _spheres_prove(shape_i, shape_f, shape_s, fine, rot, pos, centre, spheres, k
 
 
 @kernel
-def _touched(deep, bar, verdict):  # type: ignore[no-untyped-def]
+def _touched(deep, bar, verdict):
     """Mark the lanes in which spheres inside both shapes overlap; whether there is one."""
     if below(deep, bar) == 0:
         return False
@@ -144,7 +146,7 @@ def _touched(deep, bar, verdict):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _first(order, n):  # type: ignore[no-untyped-def]
+def _first(order, n):
     """Move one pair to the front: what touched once often touches again."""
     pair = order[n]
     for k in range(n, 0, -1):
@@ -153,7 +155,7 @@ def _first(order, n):  # type: ignore[no-untyped-def]
 
 
 @lanes
-def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-untyped-def]
+def rake(tables, work, pairs, still, margin, slack, stop):
     """Judge the sixteen cells in ``work.q`` and ``work.e``; verdicts go to ``work.verdict``.
 
     Args:
@@ -169,7 +171,28 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
         Whether a certain contact was found; with ``stop`` its pair is then the first of ``work.order``.
     """
     joint_i, joint_f, chain, reach, shape_i, shape_f, verts, fine, pair_i, grid_i, grid_f, grid = tables
-    q, e, rot, pos, centre, sway, spheres, known, drift, gap, deep, axis, narrow, order, left, verdict, _, _, count, shape_s = work
+    (
+        q,
+        e,
+        rot,
+        pos,
+        centre,
+        sway,
+        spheres,
+        known,
+        drift,
+        gap,
+        deep,
+        axis,
+        narrow,
+        order,
+        left,
+        verdict,
+        _,
+        _,
+        count,
+        shape_s,
+    ) = work
     count[0] += 1
     place_joints(joint_i, joint_f, q, rot, pos)
     for s in range(known.shape[0]):
@@ -188,9 +211,7 @@ def rake(tables, work, pairs, still, margin, slack, stop):  # type: ignore[no-un
             s, j = (a, ja) if turn == 0 else (b, jb)
             if not known[s, 0]:
                 known[s, 0] = 1
-                place_sphere(
-                    rot, pos, j, shape_f[s, CENTRE], shape_f[s, CENTRE + 1], shape_f[s, CENTRE + 2], centre, s
-                )
+                place_sphere(rot, pos, j, shape_f[s, CENTRE], shape_f[s, CENTRE + 1], shape_f[s, CENTRE + 2], centre, s)
                 if not still:
                     place_sway(joint_i, chain, reach, j, s, shape_f[s, BOUND], e, rot, pos, centre, sway, gap)
         if not still:

@@ -15,7 +15,7 @@ _SECOND = np.uint64(0x94D049BB133111EB)
 
 
 @kernel
-def uniform(state):  # type: ignore[no-untyped-def]
+def uniform(state):
     """The next number in ``[0, 1)`` of a generator whose state is ``(1,)`` unsigned."""
     state[0] += _STEP
     z = state[0]

@@ -75,21 +75,24 @@ def robot_of_shapes(
     if path.is_file():
         with np.load(path) as kept:
             names = tuple(shape.name for shape in shapes)
-            rows = ShapeRows(*(kept[key] for key in ("shape_i", "shape_f", "verts", "fine", "reach")), names)
+            shape_i, shape_f, verts, fine, reach = (kept[key] for key in _ROWS)
+            rows = ShapeRows(shape_i, shape_f, verts, fine, reach, names)
             return Robot(chain, rows, kept["pair_i"], (kept["grid_i"], kept["grid_f"], kept["grid"]))
     made = _made(model, chain, shapes, pairs, grids)
-    arrays = {key: getattr(made.rows, key) for key in ("shape_i", "shape_f", "verts", "fine", "reach")}
-    tables_of = dict(zip(("grid_i", "grid_f", "grid"), made.grids, strict=True))
+    arrays: dict[str, Any] = {key: getattr(made.rows, key) for key in _ROWS}
+    arrays |= dict(zip(("grid_i", "grid_f", "grid"), made.grids, strict=True))
     packed = io.BytesIO()
-    np.savez(packed, pair_i=made.pair_i, **arrays, **tables_of)
+    np.savez(packed, pair_i=made.pair_i, **arrays)
     write_atomic(path, packed.getvalue())
     return made
+
+
+_ROWS = ("shape_i", "shape_f", "verts", "fine", "reach")
 
 
 def shape_of(thing: Any) -> Shape:
     """A Pinocchio geometry object as a convex shape; a mesh becomes its hull."""
     geometry, kind = thing.geometry, type(thing.geometry).__name__
-    scale = np.asarray(thing.meshScale) if not hasattr(geometry, "vertices") and kind == "Mesh" else np.ones(3)
     name, joint, T = str(thing.name), int(thing.parentJoint), thing.placement.copy()
     if kind == "Box":
         return Shape(name, joint, at.BOX, T, np.array(geometry.halfSide))
@@ -101,11 +104,13 @@ def shape_of(thing: Any) -> Shape:
         ends = np.array([[0.0, 0.0, -geometry.halfLength], [0.0, 0.0, geometry.halfLength]])
         return Shape(name, joint, at.HULL, T, ends, float(geometry.radius))
     if kind == "Convex":
-        return Shape(name, joint, at.HULL, T, np.array(geometry.points()) * scale)
+        return Shape(name, joint, at.HULL, T, np.array(geometry.points()))
     if kind.startswith("BVHModel"):
         vertices = np.array(geometry.vertices())
         return Shape(name, joint, at.HULL, T, vertices[ConvexHull(vertices).vertices])
-    raise BadWorkcell(f"The collision shape {name} is a {kind}; meshes, boxes, cylinders, spheres and capsules are known.")
+    raise BadWorkcell(
+        f"The collision shape {name} is a {kind}; meshes, boxes, cylinders, spheres and capsules are known."
+    )
 
 
 def _digest(model: pin.Model, chain: Chain, shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]]) -> str:
@@ -134,13 +139,15 @@ def _made(
         pair_i,
         *NO_GRIDS,
     )
-    grid_i, grid_f, grids, size = [], [], [np.zeros(0, dtype=np.float32)], 0
+    grid_i: list[tuple[int, ...]] = []
+    grid_f: list[tuple[float, ...]] = []
+    grids, size = [np.zeros(0, dtype=np.float32)], 0
     for k in range(len(pair_i) if with_grids else 0):
         joints = _between(chain, rows, pair_i[k])
         if len(joints) != 2 or any(chain.joint_i[j, at.JOINT_KIND] != at.REVOLUTE for j in joints):
             continue
         slots = [int(chain.joint_i[j, at.JOINT_SLOT]) for j in joints]
-        low, high = model.lowerPositionLimit[slots], model.upperPositionLimit[slots]
+        low, high = (np.asarray(limit)[slots] for limit in (model.lowerPositionLimit, model.upperPositionLimit))
         if np.any(high - low > GRID_RANGE):
             continue
         values, shape = _grid(bare, k, slots, low, high)
@@ -169,5 +176,5 @@ def _grid(tables: Tables, pair: int, slots: list[int], low: Array, high: Array) 
     centres = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     plays = np.full_like(centres, GRID_STEP / 2)
     rest = np.zeros(int(tables.joint_i[:, at.JOINT_SLOT].max()) + 1)
-    found = run(GRID, tables, rest, np.array(slots), centres, plays, 0.0, 0.0, 0.0, pair, 0)[0]
+    found = run(GRID, tables, rest, np.array(slots, dtype=np.int32), centres, plays, 0.0, 0.0, 0.0, pair, 0)[0]
     return (found[:, 0] - 1e-6).astype(np.float32), (len(first), len(second))

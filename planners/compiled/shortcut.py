@@ -14,7 +14,7 @@ GAIN = 1e-3
 
 
 @kernel
-def _length(points, first, last):  # type: ignore[no-untyped-def]
+def _length(points, first, last):
     """Length of the path between two of its points, L2 [rad]."""
     total = 0.0
     for k in range(first, last):
@@ -26,7 +26,7 @@ def _length(points, first, last):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _skip(tables, work, slots, points, count, margin, slack):  # type: ignore[no-untyped-def]
+def _skip(tables, work, slots, points, count, margin, slack):
     """Leave out points as far ahead as a straight edge is free; how many remain."""
     k = 0
     while k < count - 2:
@@ -43,7 +43,7 @@ def _skip(tables, work, slots, points, count, margin, slack):  # type: ignore[no
 
 
 @kernel
-def _at(points, count, place, out):  # type: ignore[no-untyped-def]
+def _at(points, count, place, out):
     """Write the point of the path at arc length ``place`` to ``out``; the number of the edge it is on."""
     k = 0
     while k < count - 2:
@@ -60,7 +60,7 @@ def _at(points, count, place, out):  # type: ignore[no-untyped-def]
 
 
 @part
-def shorten(tables, work, slots, path, margin, slack, attempts, seed):  # type: ignore[no-untyped-def]
+def shorten(tables, work, slots, path, margin, slack, attempts, seed):
     """The path ``(n, d)`` [rad] with detours cut: random pairs of its points are joined where the line is free.
 
     Geraerts and Overmars, "Creating High-quality Paths for Motion Planning", IJRR 2007, section 3.1. Points that can be
@@ -92,7 +92,7 @@ def shorten(tables, work, slots, path, margin, slack, attempts, seed):  # type: 
 
 
 @kernel
-def _replace(points, count, i, j, a, b):  # type: ignore[no-untyped-def]
+def _replace(points, count, i, j, a, b):
     """Put ``a``, ``b`` in place of points ``i + 1 .. j``; how many points there are then."""
     shift = i + 2 - j
     if shift > 0:

@@ -14,6 +14,7 @@ from planners.compiled.covers import bounding_sphere, inner_radii, oriented_box,
 from robots.errors import BadWorkcell
 from robots.spatial import Array, points
 
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
 Singles = np.ndarray[Any, np.dtype[np.float32]]
 Integers = np.ndarray[Any, np.dtype[np.int32]]
 
@@ -251,8 +252,8 @@ def shape_rows(chain: Chain, shapes: Sequence[Shape], spheres: int) -> ShapeRows
         if shape.joint:
             reach[k] = chain.reaches(shape.joint, float(np.linalg.norm(placed, axis=1).max()) + shape.radius)
     names = tuple(shape.name for shape in shapes)
-    columns = (np.ascontiguousarray(np.concatenate(rows).T) for rows in (verts, fine))
-    return ShapeRows(shape_i, shape_f, *columns, reach, names)
+    vertices, covering = (np.ascontiguousarray(np.concatenate(rows).T) for rows in (verts, fine))
+    return ShapeRows(shape_i, shape_f, vertices, covering, reach, names)
 
 
 def _row(shape: Shape, cover: Cover, T: pin.SE3) -> Array:

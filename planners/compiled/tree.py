@@ -24,7 +24,7 @@ TURNS = 50
 
 
 @lanes
-def _distances(nodes, count, q, out):  # type: ignore[no-untyped-def]
+def _distances(nodes, count, q, out):
     """Squared distances of the first nodes ``(d, capacity)`` from ``q``."""
     for k in range(count):
         out[k] = 0.0
@@ -35,7 +35,7 @@ def _distances(nodes, count, q, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _nearest(nodes, count, q, out):  # type: ignore[no-untyped-def]
+def _nearest(nodes, count, q, out):
     _distances(nodes, count, q, out)
     at = 0
     for k in range(1, count):
@@ -45,7 +45,7 @@ def _nearest(nodes, count, q, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add(nodes, parents, domain, counts, side, q, parent):  # type: ignore[no-untyped-def]
+def _add(nodes, parents, domain, counts, side, q, parent):
     k = counts[side]
     for d in range(q.shape[0]):
         nodes[side, d, k] = q[d]
@@ -56,7 +56,7 @@ def _add(nodes, parents, domain, counts, side, q, parent):  # type: ignore[no-un
 
 
 @kernel
-def _towards(nodes, side, k, q, most, step):  # type: ignore[no-untyped-def]
+def _towards(nodes, side, k, q, most, step):
     """Write to ``step`` the point at most ``most`` from a node towards ``q``; whether it is ``q``."""
     square = 0.0
     for d in range(q.shape[0]):
@@ -69,7 +69,7 @@ def _towards(nodes, side, k, q, most, step):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _path(nodes, parents, ends):  # type: ignore[no-untyped-def]
+def _path(nodes, parents, ends):
     """The points from the root of the first tree to that of the second, through both ends, which coincide."""
     lengths = np.zeros(2, dtype=np.int64)
     for side in range(2):
@@ -89,7 +89,7 @@ def _path(nodes, parents, ends):  # type: ignore[no-untyped-def]
 
 
 @part
-def connect(tables, work, slots, start, goals, bounds, margin, slack, longest, iterations, seed):  # type: ignore[no-untyped-def]
+def connect(tables, work, slots, start, goals, bounds, margin, slack, longest, iterations, seed):
     """Search.
 
     Args:
@@ -113,7 +113,7 @@ def connect(tables, work, slots, start, goals, bounds, margin, slack, longest, i
             points = np.empty((2, start.shape[0]))
             points[0, :] = start
             points[1, :] = goals[g]
-            return points, 0, 16 * work.count[0]
+            return points, 0, 16 * work.rakes[0]
     size, most = start.shape[0], min(NODES, 4 * iterations) + goals.shape[0] + 2
     nodes, parents = np.empty((2, size, most)), np.empty((2, most), dtype=np.int64)
     domain, counts = np.empty((2, most)), np.zeros(2, dtype=np.int64)
@@ -152,6 +152,6 @@ def connect(tables, work, slots, start, goals, bounds, margin, slack, longest, i
             near = _add(nodes, parents, domain, counts, other, step, near)
             if reached:
                 ends[other] = near
-                return _path(nodes, parents, ends), n + 1, 16 * work.count[0]
+                return _path(nodes, parents, ends), n + 1, 16 * work.rakes[0]
         side, failures = other, 0
-    return np.empty((0, size)), iterations, 16 * work.count[0]
+    return np.empty((0, size)), iterations, 16 * work.rakes[0]

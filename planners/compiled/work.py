@@ -39,7 +39,7 @@ class Work(NamedTuple):
         open: ``(pairs,)`` which pairs left something unproven.
         verdict: ``(16,)``.
         mids, halves: ``(2, DEEPEST)`` intervals of an edge that wait.
-        count: ``(1,)`` rakes so far.
+        rakes: ``(1,)`` how many so far.
         shape_s: ``shape_f`` in single precision.
     """
 
@@ -61,12 +61,12 @@ class Work(NamedTuple):
     verdict: Integers
     mids: Array
     halves: Array
-    count: Longs
+    rakes: Longs
     shape_s: Singles
 
 
 @kernel
-def scratch(tables, slots):  # type: ignore[no-untyped-def]
+def scratch(tables, slots):
     """A fresh ``Work`` for these tables and a number of joint positions."""
     joints, shapes, pairs = tables.joint_i.shape[0], tables.shape_i.shape[0], tables.pair_i.shape[0]
     rot = np.empty((joints, 9, LANES))

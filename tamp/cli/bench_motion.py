@@ -32,7 +32,7 @@ def run(arguments: Arguments, output: Output) -> int:
     """Plan and report; 0 when the first method solved every problem, else 1."""
     from robots.errors import BadInput
     from tamp.motion_bench.bench import solve_all, write_paths
-    from tamp.motion_bench.problems import spread, load_problems
+    from tamp.motion_bench.problems import load_problems, spread
     from tamp.motion_bench.rows import summary
 
     if arguments.limit is not None and arguments.limit < 1:
@@ -56,7 +56,18 @@ def run(arguments: Arguments, output: Output) -> int:
 def _show(found: dict[str, object], output: Output) -> None:
     from rich.table import Table
 
-    head = ("method", "solved", "plan ms", "p95", "simplify ms", "certify ms", "all ms", "p95", "length rad", "scene ms")
+    head = (
+        "method",
+        "solved",
+        "plan ms",
+        "p95",
+        "simplify ms",
+        "certify ms",
+        "all ms",
+        "p95",
+        "length rad",
+        "scene ms",
+    )
     table = Table(*head, box=None, header_style="dim")
     methods = found["methods"]
     assert isinstance(methods, dict)

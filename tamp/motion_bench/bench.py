@@ -50,7 +50,12 @@ def write_paths(path: Path, rows: Sequence[Row]) -> None:
     """The final paths of solved rows as a file; the method stands in each entry when there are several."""
     several = len({row.method for row in rows}) > 1
     entries = [
-        {"scene": row.scene, "index": row.index, "path": row.path.tolist(), **({"method": row.method} if several else {})}
+        {
+            "scene": row.scene,
+            "index": row.index,
+            "path": row.path.tolist(),
+            **({"method": row.method} if several else {}),
+        }
         for row in rows
         if row.solved
     ]

@@ -65,12 +65,7 @@ class Panda:
     def closer(self) -> Robot:
         """As the kernels see it where hulls are too coarse: several pieces for each link."""
         owners, pairs = self._owners, set(self.meshes.pairs)
-        chosen = [
-            (i, k)
-            for i, a in enumerate(owners)
-            for k, b in enumerate(owners)
-            if (a, b) in pairs
-        ]
+        chosen = [(i, k) for i, a in enumerate(owners) for k, b in enumerate(owners) if (a, b) in pairs]
         shapes = [shape for pieces in self._pieces for shape in pieces]
         return robot_of_shapes(self.meshes.model, shapes, chosen, grids=False)
 

@@ -27,9 +27,7 @@ FINGERS = 0.065
 LINKS = tuple(f"panda_{name}" for name in (*(f"link{k}" for k in range(8)), "hand", "leftfinger", "rightfinger"))
 _TIP = LINKS[5:]
 
-SELF_PAIRS = tuple(
-    [(base, tip) for base in LINKS[:3] for tip in _TIP] + [("panda_link5", tip) for tip in LINKS[7:]]
-)
+SELF_PAIRS = tuple([(base, tip) for base in LINKS[:3] for tip in _TIP] + [("panda_link5", tip) for tip in LINKS[7:]])
 """Links of the robot that can meet, after the benchmark's semantic description."""
 
 

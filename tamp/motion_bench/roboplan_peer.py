@@ -65,7 +65,9 @@ def _solve(task: dict[str, Any], problem: dict[str, Any]) -> dict[str, Any]:
     )
     planner = rrt.RRT(scene, options)
     planner.setRngSeed(task["seed"])
-    ends = [core.JointConfiguration(task["joints"], np.array(q, dtype=float)) for q in (problem["start"], problem["goal"])]
+    ends = [
+        core.JointConfiguration(task["joints"], np.array(q, dtype=float)) for q in (problem["start"], problem["goal"])
+    ]
     t1 = time.thread_time()
     row = {"scene": problem["scene"], "index": problem["index"], "setup_ms": 1e3 * (t1 - t0)}
     try:
