@@ -42,8 +42,8 @@ SINGLE_PAD = 1e-5
 """Added to every gap between spheres [m]: single precision errs by a few 1e-7 of coordinates of up to ten metres."""
 
 DOUBLE_PAD = 1e-5
-"""Added to every gap between separating planes [m]. These are exact to 1e-12; but Coal calls bodies that are a millionth
-of a metre apart a collision, and nothing that Coal calls a collision may be called free."""
+"""Added to every gap between separating planes [m]. These are exact to 1e-12; but Coal calls bodies a millionth of a
+metre apart a collision, and nothing that Coal calls a collision may be called free."""
 
 
 @kernel
