@@ -43,8 +43,8 @@ LOST = 0.10
 """Joint error above which the arm counts as blocked [rad]."""
 
 FORCE_GAIN = 0.7e-6
-"""How far a pressing hand is raised in each step for each newton too much [m/N]: a contact of 36 N/mm then loses 2.5 % of
-the error a step. Three times as much made pads hop: the arm follows its targets some steps late."""
+"""How far a pressing hand is raised in each step for each newton too much [m/N]: a contact of 36 N/mm then loses 2.5 %
+of the error a step. Three times as much made pads hop: the arm follows its targets some steps late."""
 
 FORCE_READY, FORCE_WAIT = 0.2, 0.6
 """Share of the wanted force within which, and longest time for which, a drag waits for it before it moves [s]."""
@@ -122,7 +122,8 @@ def execute(
         arms: Kinematics of both arms.
         task: The limits.
         camera: Records meanwhile.
-        until: Run only so many stages; the outcome then has no verdict and ``success`` tells whether all monitors agreed.
+        until: Run only so many stages; the outcome then has no verdict, and ``success`` says whether all monitors
+            agreed.
         moment: Called after each stage.
     """
     return Execution(plan, world, arms, task, camera).run(until, moment)
@@ -319,29 +320,27 @@ class Execution:
             ), "tracking"
         if self.world.object_pose().translation[2] < self.world.workcell.table.top - FELL:
             return self._say("held", False, "the object fell off the table"), "fell"
-        match (stage.name, stage.role):
-            case ("pregrasp" | "grasp", _):
-                return self._held()
-            case ("lift", _):
-                return self._lifted()
-            case ("reorient", _):
-                return self._exposed()
-            case ("present", _):
-                return self._presented()
-            case ("operate", _):
-                return self._operated()
-            case ("push", _) | ("retreat", "assistant"):
-                return self._overhanging()
-            case ("press", _):
-                return self._tilted()
-            case ("release", "primary"):
-                return self._disengaged()
-            case ("release", "assistant") if self.plan.task == "handover":
-                return self._handed()
-            case ("release", "assistant"):
-                return self._still_held(self.plan.primary)
-            case _:
-                return self._still_held(self.plan.assistant)
+        return self._check_of(stage)()
+
+    def _check_of(self, stage: Stage) -> Callable[[], tuple[Checked, Cause]]:
+        """The monitor of a stage."""
+        by_name: dict[str, Callable[[], tuple[Checked, Cause]]] = {
+            "pregrasp": self._held,
+            "grasp": self._held,
+            "lift": self._lifted,
+            "reorient": self._exposed,
+            "present": self._presented,
+            "operate": self._operated,
+            "push": self._overhanging,
+            "press": self._tilted,
+        }
+        by_role: dict[tuple[str, str], Callable[[], tuple[Checked, Cause]]] = {
+            ("release", "primary"): self._disengaged,
+            ("release", "assistant"): self._handed if self.plan.task == "handover" else self._primary_holds,
+            ("retreat", "primary"): self._assistant_holds,
+            ("retreat", "assistant"): self._overhanging,
+        }
+        return by_name.get(stage.name) or by_role[stage.name, stage.role]
 
     def _say(self, fact: str, true: bool, detail: str) -> Checked:
         return Checked(stage=self.stage.name, fact=fact, true=true, detail=detail)
@@ -426,6 +425,12 @@ class Execution:
         good = self.pull is not None and self.human is not None and self.human.holds()
         felt = "no pull was felt" if self.pull is None else f"let go at {self.pull:.1f} N"
         return self._say("handed", good, felt), "not_handed"
+
+    def _primary_holds(self) -> tuple[Checked, Cause]:
+        return self._still_held(self.plan.primary)
+
+    def _assistant_holds(self) -> tuple[Checked, Cause]:
+        return self._still_held(self.plan.assistant)
 
     def _still_held(self, side: Side) -> tuple[Checked, Cause]:
         good = holds(self.world, side)

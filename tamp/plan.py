@@ -30,7 +30,7 @@ Role = Literal["assistant", "primary"]
 Template = Literal[
     "free", "approach", "lift", "pull", "twist", "flip", "press", "descend", "drag", "retreat"
 ]  # fmt: skip
-"""How a motion was made: ``free`` by sampling, ``twist`` and ``flip`` about a line, the others along a straight line."""
+"""How a motion was made: ``free`` by sampling, ``twist`` and ``flip`` about a line, the others on a straight line."""
 
 Pair = tuple[str, str]
 """Two names that may touch, for example ``("left/panda_leftfinger", "object")``; order means nothing."""

@@ -292,7 +292,7 @@ class Search:
     def _to_blame(self, partial: Partial, depth: int, causes: Sequence[Reject]) -> int:
         """Where to go back to when a level's candidates failed for these causes.
 
-        Two hands that meet at the part blame the grasp: hand and part move together, so another object pose cannot help.
+        Two hands that meet at the part blame the grasp: hand and part move together, so another pose cannot help.
         Everything else blames the level before: its next candidate makes another scene.
         """
         grasp = next((d for d, level in enumerate(partial.levels[:depth]) if level.sampler == "pregrasp"), None)

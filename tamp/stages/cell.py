@@ -1,4 +1,4 @@
-"""What the checks of all stages share: the collision world, hand poses to joints, straight ways to and from contacts."""
+"""What the checks of all stages share: the collision world, joints for hand poses, straight ways to contacts."""
 
 from __future__ import annotations
 

@@ -116,8 +116,8 @@ def swept_clear(cell: Cell, situation: Situation, goal: GoalCandidate) -> Reject
     hit = near & (y > goal.opening) & (y < goal.opening + FINGER_THICK)
     if hit.any():
         deep = float((gripper.tip_offset - z[hit]).max())
-        return Reject("collision", f"open fingers would sweep through {int(hit.sum())} seen points, {1e3 * deep:.0f} mm "
-                      "from their tips", ("fingers", "object"), deep)  # fmt: skip
+        detail = f"open fingers would meet {int(hit.sum())} seen points, {1e3 * deep:.0f} mm from their tips"
+        return Reject("collision", detail, ("fingers", "object"), deep)
     if not (near & (y <= goal.opening) & (z > gripper.tip_offset - FINGER_LENGTH)).any():
         return Reject("proposal", "no seen point lies between the open fingers")
     return None

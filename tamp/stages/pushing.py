@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
 from affordance.candidates import ContactCandidate
 from planners.motion import JointPath
