@@ -17,8 +17,8 @@ from worlds.assets.asset import Split
 from worlds.tasks import TaskType
 
 Moment = Literal["initial", "grasped", "prepared", "final"]
-"""When something was looked at: at rest on the table; when the assistant has taken it up (or has pushed or pressed it, its
-hand still there); when the assistant's preparation is done; when the episode has ended."""
+"""When something was looked at: at rest on the table; when the assistant has taken it up, or has pushed or pressed it,
+its hand still there; when the assistant's preparation is done; when the episode has ended."""
 
 MOMENTS: tuple[Moment, ...] = get_args(Moment)
 
@@ -137,8 +137,8 @@ class Action:
         role: ``assistant`` or ``primary``.
         T_world_hand: ``(4, 4)`` pose of the hand at the contact; where it goes, in a stage that makes none.
         contact: ``(3,)`` contact point, or else the tool centre point there, in the world frame [m].
-        direction: ``(3,)`` unit vector in the world frame along which the hand moves from the contact on, or about which
-            it then turns; in a stage without a contact, along which it has come. Zero if it does not move.
+        direction: ``(3,)`` unit vector in the world frame along which the hand moves from the contact on, or about
+            which it then turns; in a stage without a contact, along which it has come. Zero if it does not move.
         amount: How far [m], or how much it turns [rad].
         opening: Opening of one finger at the contact [m].
         score: The proposer's score.

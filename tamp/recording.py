@@ -152,7 +152,8 @@ class _Film:
             kept = np.sort(rng.choice(kept, MOST_POINTS, replace=False))
         eyes = np.array([camera.eye for camera in self.world.workcell.cameras])[view.pixels[kept, 0]]
         names, numbers = _numbered(links[kept], tuple(self.world.object_links.values()))
-        self.clouds[moment] = Cloud(view.cloud[kept], normals_at(view.cloud, kept, eyes), numbers, names)
+        normals = normals_at(view.cloud, kept, eyes).astype(np.float32)
+        self.clouds[moment] = Cloud(view.cloud[kept].astype(np.float32), normals, numbers, names)
 
 
 def _numbered(

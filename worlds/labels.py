@@ -14,8 +14,8 @@ from robots.spatial import Array, frozen
 from robots.workcell import Side
 from worlds.assets.asset import FunctionalPart
 from worlds.assets.shape import collision_vertices, surface
-from worlds.bullet.render import render
 from worlds.bullet.client import from_bullet
+from worlds.bullet.render import render
 from worlds.bullet.world import BulletWorld
 from worlds.camera import unproject
 from worlds.observe import Observation
