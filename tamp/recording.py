@@ -34,8 +34,9 @@ SHOWN: dict[TaskType, dict[str, tuple[Moment, ...]]] = {
 """The moments at which a stage has ended, by task type; of a stage that comes again, the first time for ``grasped`` and
 the last for ``prepared``."""
 
-MOST_POINTS = 4096
-"""Points kept of a cloud: twice what the networks read, so that they can draw."""
+MOST_POINTS = 2048
+"""Points kept of a cloud: as many as the networks read at the most without the paper's profile; an episode then takes
+some 200 kB on disk, nearly all of it points and normals."""
 
 NEIGHBOURS = 16
 """Points to which a plane is fitted for a normal: some 4 mm around, at the cameras' resolution."""
