@@ -64,6 +64,8 @@ class Request(Struct, frozen=True, kw_only=True):
     """Shipped name or TOML file."""
     execute: bool = True
     mode: Mode = "E2"
+    overlap: bool = True
+    """Whether one arm may already move to where it acts next while the other still acts."""
     max_pushes: int = 3
     """How often the object may be pushed."""
     timeout: float = 60.0
@@ -218,7 +220,7 @@ def subject_of(request: Request, task: Task, workcell: Workcell, asset: Asset) -
     budget = ONE_SHOT if request.mode == "E1" else Budget()
     budget = replace(budget, seconds=request.timeout)
     arms, pushes = DualArm(workcell), 1 if request.mode == "E1" else request.max_pushes
-    return Subject(task, workcell, arms, asset, request.seed, request.proposer, budget, pushes)
+    return Subject(task, workcell, arms, asset, request.seed, request.proposer, budget, pushes, request.overlap)
 
 
 def run(

@@ -15,7 +15,7 @@ from robots.errors import SimulationDiverged
 from robots.model import DualArm
 from robots.spatial import Array, angle_between, unit
 from robots.workcell import SIDES, Side
-from tamp.plan import Await, Grip, Motion, Plan, Stage, StageName
+from tamp.plan import Await, Grip, Meanwhile, Motion, Plan, Stage, StageName
 from tamp.trace import Cause, Failure
 from worlds import physics
 from worlds.bullet.human import HumanHand
@@ -165,7 +165,8 @@ class Execution:
         """
         for side, step, opening in reversed(self._done):
             if isinstance(step, Grip):
-                self._grip(side, replace(step, opening=opening, force=physics.OPEN_FORCE))
+                back = None if step.meanwhile is None else _reversed_part(step.meanwhile, step.duration)
+                self._grip(side, replace(step, opening=opening, force=physics.OPEN_FORCE, meanwhile=back))
             elif step.template != "drag":
                 self._move(side, reversed_motion(step), nearest=True)
         self._done.clear()
@@ -212,7 +213,9 @@ class Execution:
         positions, velocities, _ = curve.sample(times)
         first = self._resumed_at(side, step, positions, nearest)
         self._build_up(side, step, positions[0])
-        for q, qd in zip(positions[first:], velocities[first:], strict=True):
+        along = self._alongside(step)
+        for t, q, qd in zip(times[first:], positions[first:], velocities[first:], strict=True):
+            along(float(t))
             self._press_on(side, step.force)
             self.target[side] = self._corrected(side, q)
             self.world.command_arm(side, self.target[side], qd)
@@ -276,8 +279,32 @@ class Execution:
         self._done.append((side, step, self.openings[side]))
         self.openings[side] = step.opening
         self.world.command_fingers(side, step.opening, step.force)
-        for _ in range(int(np.ceil(step.duration / physics.STEP))):
+        along = self._alongside(step)
+        for k in range(1, int(np.ceil(step.duration / physics.STEP)) + 1):
+            along(k * physics.STEP)
             self._step()
+
+    def _alongside(self, step: Motion | Grip) -> Callable[[float], None]:
+        """What commands the other arm at a time of the step [s]."""
+        part = step.meanwhile
+        if part is None:
+            return lambda _: None
+        curve, side, shaped = part.trajectory(), part.arm, part.opening is None
+
+        def command(t: float) -> None:
+            nonlocal shaped
+            if t < part.begin:
+                return
+            if not shaped and part.opening is not None:
+                shaped = True
+                self.openings[side] = part.opening
+                self.world.command_fingers(side, part.opening, physics.OPEN_FORCE)
+            q, qd, _ = curve.sample(t - part.begin)
+            done = t - part.begin >= curve.duration and not qd.any()
+            self.target[side] = q[0]
+            self.world.command_arm(side, q[0], np.zeros(7) if done else qd[0])
+
+        return command
 
     def _await(self, side: Side, step: Await) -> None:
         """Keep still until the human pulls; the pull is what the wrist feels beyond what it felt at the beginning."""
@@ -510,6 +537,20 @@ def reversed_motion(step: Motion) -> Motion:
         velocities=[[-v for v in row] for row in reversed(step.velocities)],
         guard=None,
         force=None,
+        meanwhile=None if step.meanwhile is None else _reversed_part(step.meanwhile, end),
+    )
+
+
+def _reversed_part(part: Meanwhile, duration: float) -> Meanwhile:
+    """What the other arm did during a step of some duration [s], backwards."""
+    end = part.times[-1]
+    return replace(
+        part,
+        begin=max(0.0, duration - part.end),
+        times=[0.0, *(end - t for t in reversed(part.times[:-1]))],
+        positions=part.positions[::-1],
+        velocities=[[-v for v in row] for row in reversed(part.velocities)],
+        opening=None,
     )
 
 

@@ -293,8 +293,11 @@ class Search:
         """Where to go back to when a level's candidates failed for these causes.
 
         Two hands that meet at the part blame the grasp: hand and part move together, so another pose cannot help.
-        Everything else blames the level before: its next candidate makes another scene.
+        A primary hand that meets the object itself does so in every pose and with every grasp: that blames the
+        anticipatory goal. Everything else blames the level before: its next candidate makes another scene.
         """
+        if partial.levels[depth].name == "operate" and all(hits_object(cause, partial.roles) for cause in causes):
+            return -1
         grasp = next((d for d, level in enumerate(partial.levels[:depth]) if level.sampler == "pregrasp"), None)
         if grasp is not None and all(hands_clash(cause, partial.roles) for cause in causes):
             return grasp
@@ -367,6 +370,13 @@ def hands_clash(reject: Reject, roles: Roles) -> bool:
     return sides == {roles.assistant, roles.primary} and all(
         "hand" in name or "finger" in name for name in reject.bodies
     )
+
+
+def hits_object(reject: Reject, roles: Roles) -> bool:
+    """Whether the primary's hand meets the object where it is not to be touched."""
+    if reject.bodies is None or "object" not in reject.bodies:
+        return False
+    return any(name.startswith(f"{roles.primary}/") and ("hand" in name or "finger" in name) for name in reject.bodies)
 
 
 def order(skeletons: Iterator[Skeleton], view: SceneView, goal: GoalCandidate | None) -> list[Skeleton]:

@@ -66,7 +66,7 @@ def _with(
     closed = situation.moved(side, q, opening=opening, touching=(*situation.touching, *mine, *ON_TABLE))
     steps: tuple[Step, ...] = (
         *cell.ready(side, goal.opening, situation, (*situation.touching, *ON_TABLE)),
-        Leg(side, "free", way.points[0], FREE_SPEED, around),
+        Leg(side, "free", way.points[0], FREE_SPEED, situation.setting(openings=around.openings, allowed=ON_TABLE)),
         Leg(side, "approach", way, CONTACT_SPEED, around),
         closing(side, closed.touching, side),
     )
