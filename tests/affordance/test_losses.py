@@ -201,7 +201,7 @@ def test_an_unknown_preset_names_those_there_are() -> None:
 
 
 def test_validation_sees_what_reconstruction_hides() -> None:
-    """With a divergence term that is too weak a cVAE keeps the answer in its latent: it rebuilds all, and draws wrong."""
+    """With too weak a divergence term a cVAE keeps the answer in its latent: it rebuilds all, and draws wrong."""
     kinds, rebuilt, drawn_errors = 16, {}, {}
     R, every = rotations(kinds).float(), torch.eye(kinds)
     R_true, condition, mask = R.repeat(4, 1, 1), every.repeat(4, 1), torch.ones(4 * kinds, dtype=torch.bool)
