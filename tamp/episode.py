@@ -15,6 +15,7 @@ from msgspec import Struct
 from affordance.candidates import Proposer
 from affordance.heuristic import HeuristicProposer
 from affordance.uniform import UniformProposer
+from planners import timing
 from robots.cache import write_atomic
 from robots.errors import BadInput, BadRunFolder, UnknownName
 from robots.model import DualArm
@@ -201,6 +202,7 @@ def opened(request: Request, watch: Watch = SILENT) -> Iterator[tuple[Episode, B
     if task.type == "handover" and workcell.human is None:
         raise BadInput(f"{task.category} needs a workcell with a [human] table; {workcell.name} has none.")
     watch.begin("world")
+    timing.load()
     asset = _asset(request, task)
     with scene.build(workcell, asset, request.seed) as world:
         watch.begin("observe")

@@ -60,6 +60,7 @@ class Solved:
         goal: The final goal candidate.
         stages: The stages made concrete.
         drafts: What they were made of.
+        chosen: The candidate used at each level.
     """
 
     number: int
@@ -67,6 +68,7 @@ class Solved:
     goal: GoalCandidate
     stages: StagePlans
     drafts: tuple[Draft, ...]
+    chosen: tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,7 +280,7 @@ class Search:
         counts = {level.name: self._tried(partial.index[: depth + 2]) for depth, level in enumerate(partial.levels)}
         stages = self.timeline.build(list(partial.drafts), self._seed(3, *partial.index), counts)
         if isinstance(stages, StagePlans):
-            return Solved(len(self.tried) - 1, self.tried[-1], partial.goal, stages, partial.drafts)
+            return Solved(len(self.tried) - 1, self.tried[-1], partial.goal, stages, partial.drafts, partial.chosen)
         number, reject = stages
         depth = next(
             d for d, level in enumerate(partial.levels) if level.first <= number < level.first + len(level.stages)
