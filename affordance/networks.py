@@ -1,0 +1,160 @@
+"""Where would each arm act, how, and where must the object be for it? The paper's four networks over one encoder.
+
+Goal Affordance looks at the object before and after the preparation with the same weights; Pre-Affordance, the Object
+Pose Predictor and the Reorient Actor follow from what it says. Widths in comments are those of the default settings.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from affordance.critics import Critics
+from affordance.flow import Flow
+from affordance.frames import CODE, IDENTITY
+from affordance.heads import CVAE, joined, mlp
+from affordance.pointnet2 import POINT, WHOLE, Encoded, Encoder, Indices
+from affordance.settings import Settings
+from affordance.tokens import ACTION, SCENE, TOKEN, Tokens
+
+WIDEST = 0.04
+"""Largest opening of one finger [m]: the Franka hand's."""
+
+ANY_ORIENTATION = (0.0,) * CODE
+"""A contact's orientation is drawn from nothing ..."""
+
+NO_MOVE = (*IDENTITY, 0.0, 0.0, 0.0)
+"""... a motion as what it adds to staying."""
+
+
+class Contact(nn.Module):
+    """Where one arm acts, how its hand is turned there and how wide it is open."""
+
+    def __init__(self, settings: Settings, given: int) -> None:
+        """Build it for ``given`` features of whatever is known beforehand."""
+        super().__init__()
+        self.scorer = mlp(POINT + given, 1)
+        self.orientation = _head(settings, POINT + TOKEN + given, ANY_ORIENTATION)
+        self.spread = mlp(POINT + 2 * TOKEN + given, 1)
+
+    def scores(self, points: Tensor, given: Tensor) -> Tensor:
+        """Affordance ``(B, P)`` in ``[0, 1]`` of points ``(B, P, 128)``; ``given`` is ``(B, ...)``."""
+        logits: Tensor = self.scorer(joined(points, given))
+        return torch.sigmoid(logits.squeeze(-1))
+
+    def condition(self, point: Tensor, contact: Tensor, given: Tensor) -> Tensor:
+        """Orientations are drawn under this: features ``(..., 128)`` and token ``(..., 32)`` of a point, the given."""
+        return joined(point, contact, given)
+
+    def opening(self, condition: Tensor, direction: Tensor) -> Tensor:
+        """Opening of one finger ``(...)`` [m] for a condition and the token ``(..., 32)`` of an orientation."""
+        out: Tensor = self.spread(joined(condition, direction))
+        return WIDEST * torch.sigmoid(out.squeeze(-1))
+
+
+class GoalAffordance(Contact):
+    """Where and how the primary acts; ``given`` is the scene (64)."""
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings, SCENE)
+
+
+class PreAffordance(Contact):
+    """Where and how the assistant acts; ``given`` is the scene (64) and the goal action (192)."""
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings, SCENE + ACTION)
+        self.motion = mlp(POINT + 2 * TOKEN + SCENE + ACTION, 3)
+
+    def push(self, condition: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
+        """How a hand that pushes moves on.
+
+        Args:
+            condition: Of the contact.
+            direction: ``(..., 32)`` token of the hand's orientation.
+
+        Returns:
+            The horizontal unit vector ``(..., 2)`` along which it moves, and how far ``(...)`` in units of ``SCALE``.
+        """
+        out: Tensor = self.motion(joined(condition, direction))
+        return nn.functional.normalize(out[..., :2], dim=-1), nn.functional.softplus(out[..., 2])
+
+
+class PosePredictor(nn.Module):
+    """How the object should move from where it lies, about its centre."""
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__()
+        self.move = _head(settings, WHOLE + SCENE + 2 * ACTION, NO_MOVE)
+
+    def condition(self, whole: Tensor, scene: Tensor, goal: Tensor, pre: Tensor) -> Tensor:
+        """What motions are drawn under (576): the cloud's features, the scene and both actions."""
+        return joined(whole, scene, goal, pre)
+
+
+class ReorientActor(nn.Module):
+    """How the hand that holds the object should move, about the point between its pads."""
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__()
+        aim = WHOLE + 2 * TOKEN if settings.object_pose else 2 * ACTION
+        self.sees_pose = settings.object_pose
+        self.move = _head(settings, WHOLE + TOKEN + aim, NO_MOVE)
+
+    def condition(self, grasped: Tensor, text: Tensor, goal: Tensor, pre: Tensor, moved: Tensor) -> Tensor:
+        """What motions are drawn under (352).
+
+        Args:
+            grasped: ``(B, 128)`` features of the held object.
+            text: ``(B, 32)`` token of the instruction.
+            goal: ``(B, ..., 192)`` goal action; read only in the ablation without object pose.
+            pre: ``(B, ..., 192)`` action by which the object is held.
+            moved: ``(B, ..., 128)`` features of the object where it should be, seen in the coordinates of ``grasped``;
+                not read in the ablation without object pose.
+        """
+        if self.sees_pose:
+            return joined(grasped, text, moved, pre[..., POINT:])
+        return joined(grasped, text, pre, goal)
+
+
+class Model(nn.Module):
+    """All networks; ``goal`` is one set of weights however often it is asked.
+
+    Attributes:
+        settings: What decided their shapes.
+        encoder: Through which the four networks see.
+        tokens: Their maps of instruction, contact and orientation.
+        critics: Who judges them.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__()
+        self.settings = settings
+        self.encoder, self.tokens = Encoder(settings.profile), Tokens()
+        self.goal, self.pre = GoalAffordance(settings), PreAffordance(settings)
+        self.pose, self.reorient = PosePredictor(settings), ReorientActor(settings)
+        self.critics = Critics(settings)
+
+    def goal_shown(self, goal: Tensor, known: Tensor | None = None) -> Tensor:
+        """The goal actions ``(B, ..., 192)`` as the preparing networks see them.
+
+        Args:
+            goal: Action tokens.
+            known: ``(B,)`` booleans, false in rows where training hides the goal; ``None`` hides none. The ablation
+                without anticipation hides all.
+        """
+        shown = torch.ones(len(goal), dtype=torch.bool, device=goal.device) if known is None else known
+        return self.tokens.action_or_none(goal, shown & self.settings.anticipation)
+
+    def seen_by_critics(self, cloud: Tensor, seen: Encoded, indices: Indices | None = None) -> Encoded:
+        """What the critics see of clouds ``(B, N, 6)`` that the actors' encoder saw as ``seen``."""
+        if self.critics.encoder is None:
+            return seen
+        encoded: Encoded = self.critics.encoder(cloud, indices)
+        return encoded
+
+
+def _head(settings: Settings, condition: int, offset: tuple[float, ...]) -> CVAE | Flow:
+    if settings.head == "flow":
+        return Flow(condition, offset, settings.euler_steps)
+    return CVAE(condition, offset, settings.latent)

@@ -1,0 +1,224 @@
+"""Laws of the losses."""
+# ruff: noqa: E402 - what needs torch is imported once it is known to be there
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="torch is not installed")
+
+from affordance.flow import Flow
+from affordance.frames import IDENTITY, code_of, flipped, rotation_of
+from affordance.heads import CVAE
+from affordance.losses import (
+    Parts,
+    affordance_loss,
+    affordance_target,
+    critic_loss,
+    divergence,
+    feasibility_loss,
+    geodesic,
+    hand_angle,
+    masked_mean,
+    orientation_loss,
+    pose_loss,
+    prior_angles,
+    relay_label,
+    total,
+    warmed,
+)
+from affordance.settings import PRESETS, Losses, losses_of
+from robots.errors import UnknownName
+from robots.spatial import angle_between
+from tests.affordance.clouds import rotations, seeded
+
+DEFAULT, PRINTED = PRESETS["default"], PRESETS["printed"]
+
+
+def about_x(angle: float) -> torch.Tensor:
+    c, s = math.cos(angle), math.sin(angle)
+    return torch.tensor([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]], dtype=torch.float64)
+
+
+@pytest.mark.parametrize("form", ["atan2", "arccos"])
+def test_the_geodesic_is_the_angle_between_rotations(form: str) -> None:
+    Ra, Rb = rotations(40), rotations(40, seed=1)
+    truth = [angle_between(a, b) for a, b in zip(Ra.numpy(), Rb.numpy(), strict=True)]
+    assert np.allclose(geodesic(Ra, Rb, form).numpy(), truth, atol=1e-6)
+    assert torch.allclose(geodesic(Ra, Rb, form), geodesic(Rb, Ra, form))
+
+
+@pytest.mark.parametrize("form", ["atan2", "arccos"])
+@pytest.mark.parametrize("angle", [0.0, 1e-7, 1e-3, 1.0, math.pi - 1e-3, math.pi - 1e-7, math.pi])
+def test_the_gradient_is_finite_at_every_angle(form: str, angle: float) -> None:
+    code = code_of(about_x(angle)).requires_grad_()
+    found = geodesic(rotation_of(code), torch.eye(3, dtype=torch.float64), form)
+    found.backward()
+    assert float(found.detach()) == pytest.approx(angle, abs=2e-3)
+    assert bool(torch.isfinite(code.grad).all())
+
+
+def test_only_atan2_still_learns_close_to_the_answer() -> None:
+    slopes = {}
+    for form in ("atan2", "arccos"):
+        code = code_of(about_x(1e-4)).requires_grad_()
+        geodesic(rotation_of(code), torch.eye(3, dtype=torch.float64), form).backward()
+        slopes[form] = float(code.grad.norm())
+    assert slopes["atan2"] > 0.5
+    assert slopes["arccos"] == 0.0
+
+
+def test_half_a_turn_about_the_approach_costs_nothing_unless_the_preset_says_so() -> None:
+    R, other = rotations(30), rotations(30, seed=2)
+    assert torch.allclose(hand_angle(flipped(R), R, DEFAULT), torch.zeros(30, dtype=torch.float64), atol=1e-7)
+    assert torch.allclose(hand_angle(flipped(R), other, DEFAULT), hand_angle(R, other, DEFAULT))
+    assert torch.allclose(hand_angle(R, flipped(other), DEFAULT), hand_angle(R, other, DEFAULT))
+    assert bool((hand_angle(R, other, DEFAULT) <= geodesic(R, other)).all())
+    assert float(hand_angle(flipped(R), R, PRINTED).min()) > 3.1
+
+
+def test_the_divergence_is_that_of_two_normal_distributions() -> None:
+    mean, log_variance = torch.randn(2, 6, 32, generator=seeded(), dtype=torch.float64)
+    normal = torch.distributions.Normal
+    truth = torch.distributions.kl_divergence(normal(mean, (0.5 * log_variance).exp()), normal(0.0, 1.0)).sum(-1)
+    assert torch.allclose(divergence(mean, log_variance), truth)
+    assert float(divergence(torch.zeros(32), torch.zeros(32))) == 0.0
+
+
+def test_the_weight_of_the_divergence_warms_up() -> None:
+    assert [warmed(0.2, step, DEFAULT) for step in (0, 1000, 2000, 9000)] == pytest.approx([0.0, 0.1, 0.2, 0.2])
+    assert warmed(0.02, 0, PRESETS["sxy"]) == 0.02
+
+
+def test_only_booleans_mask() -> None:
+    values = torch.arange(4.0)
+    assert float(masked_mean(values, torch.tensor([False, True, False, True]))) == 2.0
+    with pytest.raises(TypeError, match=r"a mask is boolean, not torch\.int64"):
+        masked_mean(values, torch.tensor([0, 1, 0, 1]))
+    with pytest.raises(ValueError, match="does not fit"):
+        masked_mean(values, torch.tensor([True]))
+
+
+@pytest.mark.parametrize("kept", [[True, False, True], [False, False, False]])
+def test_masked_rows_have_neither_influence_nor_gradient(kept: list[bool]) -> None:
+    values = torch.tensor([1.0, torch.inf, 3.0], requires_grad=True)
+    mean = masked_mean(values, torch.tensor(kept))
+    mean.backward()
+    assert float(mean.detach()) == (2.0 if any(kept) else 0.0)
+    assert values.grad.tolist() == ([0.5, 0.0, 0.5] if any(kept) else [0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("kind", ["cvae", "flow"])
+def test_failed_rows_teach_no_orientation(kind: str) -> None:
+    torch.manual_seed(0)
+    head = CVAE(8, (0.0,) * 6, 4) if kind == "cvae" else Flow(8, (0.0,) * 6, 5)
+    condition = torch.randn(6, 8, generator=seeded())
+    R = rotations(6).float()
+    mask = torch.tensor([True, True, False, True, False, True])
+    changed = torch.where(mask[:, None, None], R, rotations(6, seed=5).float())
+    found = [float(orientation_loss(head, condition, truth, mask, DEFAULT, 5000, seeded(3))) for truth in (R, changed)]
+    assert found[0] == found[1] > 0.0
+    everything = torch.ones(6, dtype=torch.bool)
+    assert float(orientation_loss(head, condition, changed, everything, DEFAULT, 5000, seeded(3))) != found[0]
+
+
+def test_a_pose_loss_is_zero_only_at_the_answer() -> None:
+    class Sure(CVAE):
+        def encode(self, condition: torch.Tensor, target: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+            return torch.zeros(len(target), 4), torch.zeros(len(target), 4)
+
+        def decode(self, condition: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
+            return condition
+
+    head, mask = Sure(9, (*IDENTITY, 0.0, 0.0, 0.0), 4), torch.ones(3, dtype=torch.bool)
+    R = rotations(3).float()
+    true = torch.cat([code_of(R), torch.randn(3, 3, generator=seeded())], dim=-1)
+    assert float(pose_loss(head, true, true, mask, DEFAULT, 5000, seeded())) == pytest.approx(0.0, abs=1e-5)
+    shifted = true + torch.tensor([0.0] * 6 + [0.3, 0.0, 0.0])
+    assert float(pose_loss(head, shifted, true, mask, DEFAULT, 5000, seeded())) == pytest.approx(0.1, abs=1e-5)
+    half_turn = torch.cat([code_of(flipped(R)), true[:, 6:]], dim=-1)
+    assert float(pose_loss(head, half_turn, true, mask, DEFAULT, 5000, seeded())) == pytest.approx(math.pi, abs=1e-3)
+    ten = float(pose_loss(head, half_turn, true, mask, PRESETS["biassembly"], 5000, seeded()))
+    assert ten == pytest.approx(10 * math.pi, abs=2e-2)
+
+
+def test_affordance_is_the_mean_of_the_best_judgements_and_teaches_no_critic() -> None:
+    probability = torch.tensor([[0.9, 0.1, 0.5, 0.7], [0.2, 0.2, 0.2, 0.2]])
+    logits = torch.logit(probability).requires_grad_()
+    best = msgspec.structs.replace(DEFAULT, top=2)
+    assert affordance_target(logits, best).tolist() == pytest.approx([0.8, 0.2])
+    assert affordance_target(logits, PRESETS["sxy"]).tolist() == pytest.approx([0.55, 0.2])
+    scores = torch.tensor([0.5, 0.5], requires_grad=True)
+    loss = affordance_loss(scores, affordance_target(logits, best), torch.tensor([True, True]))
+    loss.backward()
+    assert float(loss.detach()) == pytest.approx(0.3)
+    assert logits.grad is None
+    assert scores.grad.tolist() == [-0.5, 0.5]
+
+
+def test_a_critic_is_least_wrong_at_its_soft_label() -> None:
+    labels, mask = torch.full((1,), 0.3), torch.ones(1, dtype=torch.bool)
+    right = float(critic_loss(torch.logit(labels), labels, mask))
+    for other in (0.2, 0.4):
+        assert float(critic_loss(torch.logit(torch.tensor([other])), labels, mask)) > right
+
+
+def test_checks_that_were_not_reached_teach_nothing() -> None:
+    logits = torch.randn(4, 3, 3, generator=seeded(), requires_grad=True)
+    known = torch.tensor([[True, False, False], [True, True, False], [True, True, True], [False, False, False]])
+    feasibility_loss(logits, torch.ones(4, 3), known).backward()
+    taught = logits.grad != 0.0
+    assert torch.equal(taught, known[:, None].expand(4, 3, 3))
+
+
+def test_a_preparation_is_worth_half_the_outcome_and_half_the_outlook() -> None:
+    prepared, success = torch.tensor([True, True, False]), torch.tensor([True, False, False])
+    assert relay_label(prepared, success, torch.tensor([0.6, 0.6, 0.6])).tolist() == pytest.approx([0.8, 0.3, 0.0])
+
+
+def test_the_total_weighs_every_part() -> None:
+    ones = Parts(*(torch.tensor(1.0) for _ in range(10)))
+    assert float(total(ones, DEFAULT)) == 10.0
+    assert float(total(ones, PRESETS["biassembly"])) == pytest.approx(4 + 5 * 0.01 + 1)
+    alone = Losses(
+        orientation=DEFAULT.orientation,
+        pose=DEFAULT.pose,
+        w_orientation=0.0,
+        w_pose=0.0,
+        w_critic=0.0,
+        w_feasibility=0.0,
+    )
+    assert float(total(ones, alone)) == 2.0
+
+
+def test_an_unknown_preset_names_those_there_are() -> None:
+    with pytest.raises(UnknownName, match=r'No loss preset "defalt"\. Did you mean "default"\?'):
+        losses_of("defalt")
+
+
+def test_validation_sees_what_reconstruction_hides() -> None:
+    """With too weak a divergence term a cVAE keeps the answer in its latent: it rebuilds all, and draws wrong."""
+    kinds, rebuilt, drawn_errors = 16, {}, {}
+    R, every = rotations(kinds).float(), torch.eye(kinds)
+    R_true, condition, mask = R.repeat(4, 1, 1), every.repeat(4, 1), torch.ones(4 * kinds, dtype=torch.bool)
+    for kl in (0.002, 0.2):
+        weights = msgspec.structs.replace(DEFAULT.orientation, kl=kl)
+        losses = msgspec.structs.replace(DEFAULT, orientation=weights, kl_warmup=0, flip=False)
+        torch.manual_seed(0)
+        head, generator = CVAE(kinds, (0.0,) * 6, 8), seeded(1)
+        optimiser = torch.optim.Adam(head.parameters(), 3e-3)
+        for step in range(300):
+            optimiser.zero_grad()
+            orientation_loss(head, condition, R_true, mask, losses, step, generator).backward()
+            optimiser.step()
+        with torch.no_grad():
+            mean, _ = head.encode(every, code_of(R))
+            rebuilt[kl] = float(geodesic(rotation_of(head.decode(every, mean)), R).mean())
+        drawn_errors[kl] = float(prior_angles(head, every, R, losses, 100, generator).mean())
+    assert max(rebuilt.values()) < 0.1
+    assert drawn_errors[0.2] < 0.15
+    assert drawn_errors[0.002] > 0.5
