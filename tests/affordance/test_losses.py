@@ -167,6 +167,7 @@ def test_affordance_is_the_mean_of_the_best_judgements_and_teaches_no_critic() -
     probability = torch.tensor([[0.9, 0.1, 0.5, 0.7], [0.2, 0.2, 0.2, 0.2]])
     logits = torch.logit(probability).requires_grad_()
     best = msgspec.structs.replace(DEFAULT, top=2)
+    assert not affordance_target(logits, best).requires_grad
     assert affordance_target(logits, best).tolist() == pytest.approx([0.8, 0.2])
     assert affordance_target(logits, PRESETS["sxy"]).tolist() == pytest.approx([0.55, 0.2])
     scores = torch.tensor([0.5, 0.5], requires_grad=True)
