@@ -1,4 +1,5 @@
 # make demo   plan, verify and execute a bottle; the first call makes the environment
+# make peers  other planners for `bipre bench motion --methods ours,roboplan`, each in its own environment
 # make test   every check; `make test-slow` adds the long ones
 PYTHON ?= $(shell for p in python3.11 python3 python; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null && echo $$p && break; done)
@@ -8,7 +9,7 @@ READY := $(VENV)/.ready
 DEMO := runs/demo
 WORKERS ?= 2
 
-.PHONY: demo test test-slow clean
+.PHONY: demo test test-slow peers clean
 
 demo: $(READY)
 	$(BIN)/bipre plan Bottle --seed 1 --video --out $(DEMO)
@@ -34,5 +35,12 @@ $(READY): pyproject.toml requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -c requirements.lock -e ".[video,dev,data]"
 	@touch $@
 
+peers: .peers/roboplan/.ready
+
+.peers/roboplan/.ready:
+	$(PYTHON) -m venv .peers/roboplan
+	.peers/roboplan/bin/python -m pip install --quiet --disable-pip-version-check roboplan==0.7.0
+	@touch $@
+
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache *.egg-info runs
+	rm -rf $(VENV) .peers .mypy_cache .ruff_cache .pytest_cache .import_linter_cache *.egg-info runs

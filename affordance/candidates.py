@@ -12,8 +12,8 @@ from robots.spatial import Array, frozen, points
 from robots.workcell import Side, Workcell
 
 OperationKind = Literal["pull", "unscrew", "press", "flip", "grasp", "receive"]
-"""What is done at the goal: ``flip`` turns a lid about its hinge, ``grasp`` takes the object and lifts it, ``receive`` is
-a human's grip."""
+"""What is done at the goal: ``flip`` turns a lid about its hinge, ``grasp`` takes the object and lifts it, ``receive``
+is a human's grip."""
 
 
 @dataclass(frozen=True, slots=True)

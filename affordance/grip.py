@@ -14,8 +14,9 @@ from robots.workcell import Gripper
 PAD_HALF = 0.010
 """Half width of a finger pad [m]."""
 
-FINGER_THICK = 0.016
-"""How far a finger reaches outwards from its pad [m]."""
+FINGER_HALF, FINGER_THICK, SPARE = 0.0135, 0.018, 0.001
+"""Half the width of a finger, how far it reaches outwards from its pad, and room inside the pad [m]: the finger mesh of
+``pybullet_data`` and 2 mm for points that are 3 mm apart."""
 
 FINGER_LENGTH = 0.045
 """How far the fingers reach back from the tips before the palm begins [m]."""
@@ -84,7 +85,7 @@ def grip_at(
     if opening > gripper.finger_travel:
         return None
     aside = np.abs(v - middle)
-    fingers = (np.abs(u) < PAD_HALF + 0.002) & (aside > opening) & (aside < opening + FINGER_THICK) & (w < tip)
+    fingers = (np.abs(u) < FINGER_HALF) & (aside > opening - SPARE) & (aside < opening + FINGER_THICK) & (w < tip)
     palm = (np.abs(u) < PALM[0]) & (aside < PALM[1]) & (w < tip - FINGER_LENGTH)
     if fingers.any() or palm.any():
         return None

@@ -90,7 +90,7 @@ class HeuristicProposer:
     # -- goal ------------------------------------------------------------------------------------------------------
 
     def goal(self, view: SceneView, rng: np.random.Generator) -> list[GoalCandidate]:
-        """Candidates for what the primary does, by task: operate the part, grasp an edge, or take it as a human would."""
+        """What the primary does, by task: operate the part, grasp an edge, or take it as a human would."""
         match self.task:
             case "edge_push":
                 return edge_grasps(self._body(view), near_edge(view.workcell.table), self.gripper, rng)

@@ -195,7 +195,7 @@ class UniformProposer:
 
 
 def completed(view: SceneView) -> Array:
-    """The seen points and what they may hide: copies of them straight down to the table while the object rests on it."""
+    """The seen points and what they may hide: copies of them down to the table while the object rests on it."""
     top = view.workcell.table.top
     if np.abs(view.T_move.translation[2]) > 0.02 or view.cloud[:, 2].min() > top + 0.05:
         return view.cloud

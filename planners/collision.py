@@ -9,6 +9,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from planners.compiled.cell import Motion
+from planners.mirror import Mirror
 from planners.pairs import FLOOR, cell_pairs, public_name
 from robots.errors import UnknownName
 from robots.model import arm_urdf_file
@@ -65,11 +67,13 @@ class CollisionWorld:
         self.workcell, self.margin = workcell, margin
         self._model, self._cell = _cell_geometry(workcell)
         self._cell_pairs = cell_pairs(self._model, self._cell)
+        self._mirror = Mirror(self._model, self._cell, self._cell_pairs)
         self._hands = {side: _hand(self._model, workcell, side) for side in SIDES}
         self._q: Array = pin.neutral(self._model)
         arms = {side: workcell.arm(side) for side in SIDES}
         left, right = (_slots(self._model, side, arms[side].joints) for side in SIDES)
         self._left, self._right = _as_slice(left), _as_slice(right)
+        self._slots: dict[Side, list[int]] = {"left": left, "right": right}
         self._fingers = {side: _slots(self._model, side, arms[side].gripper.finger_joints) for side in SIDES}
         for side in SIDES:
             self.set_fingers(side, arms[side].gripper.finger_travel)
@@ -99,6 +103,7 @@ class CollisionWorld:
         self._ends = np.array(pairs, dtype=np.intp).T
         self._pair_names = [frozenset((self._names[a], self._names[b])) for a, b in pairs]
         self._centres, self._halves = _local_boxes(geometry)
+        self._mirror.set_object(OBJECT, [np.asarray(hull, dtype=np.float64) for hull in hulls])
         self._index()
 
     def _index(self) -> None:
@@ -125,12 +130,14 @@ class CollisionWorld:
     def remove_object(self) -> None:
         """Leave the object out of every query."""
         self._present = False
+        self._mirror.place(None)
         self._activate()
 
     def _put(self, joint: int, T_joint_object: pin.SE3) -> None:
         for piece in self._pieces:
             self._geometry.geometryObjects[piece].parentJoint = joint
             self._geometry.geometryObjects[piece].placement = T_joint_object
+        self._mirror.place((joint, T_joint_object))
         if not self._present:
             self._present = True
             self._activate()
@@ -149,6 +156,7 @@ class CollisionWorld:
             raise UnknownName("body", name, self.names)
         if wanted != self._allowed:
             self._allowed = wanted
+            self._mirror.allow(wanted)
             self._activate()
 
     def _activate(self) -> None:
@@ -165,6 +173,14 @@ class CollisionWorld:
     def free(self, q: Array) -> bool:
         """Whether every active pair keeps more than the margin at ``q`` ``(14,)`` [rad]."""
         return not pin.computeCollisions(self._model, self._data, self._broadphase, self._callback, self._full(q))
+
+    def motion(self, sides: Sequence[Side], q: Array) -> Motion:
+        """Compiled checks of the arms on ``sides``, seven joints each in that order, while all else is as at ``q``.
+
+        They know the world's present state: ask anew after a change. ``q`` is ``(14,)`` [rad].
+        """
+        slots = [slot for side in sides for slot in self._slots[side]]
+        return self._mirror.motion(slots, self._full(q))
 
     def contact(self, q: Array) -> Contact | None:
         """The deepest contact at ``q`` ``(14,)`` [rad], or ``None`` when the configuration is free."""

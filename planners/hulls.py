@@ -35,8 +35,9 @@ def observed_hulls(cloud: Array, table_top: float) -> list[Array]:
     """Convex pieces ``(k, 3)`` [m] that contain every observed point and all that these may hide above the table.
 
     The cloud ``(n, 3)`` is seen from above, so whatever lies under an observed point is unknown and counts as solid.
-    It is cut into slices across its longest horizontal extent and each slice where its height jumps, where there is a gap
-    and where it is hollow, so that a narrow lid does not grow to the width of the body beside it; each piece is extended straight down to the table and closed.
+    It is cut into slices across its longest horizontal extent, and each slice where its height jumps, where there is a
+    gap and where it is hollow, so that a narrow lid does not grow to the width of the body beside it; each piece is
+    extended straight down to the table and closed.
     """
     flat = cloud[:, :2] - cloud[:, :2].mean(axis=0)
     directions = np.linalg.svd(flat, full_matrices=False)[2]

@@ -1,25 +1,33 @@
-"""Which collision-free joint path leads from one configuration of an arm to another: OMPL's RRT-Connect."""
+"""Which collision-free joint path leads from one configuration of an arm to another: RRT-Connect on proven edges."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from planners.collision import CollisionWorld, Contact
-from planners.shorten import RESOLUTION, Free, edge_free, path_free, rounded, shortened
+from planners.compiled.layout import FREE
+from planners.ompl_search import PLANNERS, search
+from planners.shorten import SHORTCUTS, Free, rounded
+from robots.errors import UnknownName
 from robots.model import ArmKinematics
 from robots.spatial import Array, frozen
+
+TREE = "tree"
+"""The planner that is used unless another one is asked for: RRT-Connect, compiled as a whole."""
 
 RANGE = 1.0
 """Longest extension of the trees, L2 [rad]: the best of five values on MotionBenchMaker."""
 
-STATES_PER_ITERATION = 15
-"""The search also ends after this many checked states for each iteration allowed."""
+SAMPLES_PER_ITERATION = 25
+"""Samples of the compiled tree for each iteration allowed: most of them are refused before any check."""
 
-TRIES = 3
-"""Searches, each with half the resolution of the one before, until a path passes the finer check."""
+OPTIMISING_TIME = 1.0
+"""Time for OMPL's optimising planners [s], which use all of it."""
+
+SLACK = 0.4
+"""Share of the margin that may be lost between checked states; certificates ask for half of the margin."""
 
 INSET = 0.02
 """How far inside the joint limits the search keeps [rad], start and goal apart: a curve through it may bulge."""
@@ -86,8 +94,8 @@ class Exhausted:
     """The search used its budget.
 
     Attributes:
-        checks: States checked for collision.
-        iterations: Iterations of RRT-Connect.
+        checks: Configurations looked at; edges for OMPL's planners.
+        iterations: Samples drawn.
     """
 
     checks: int
@@ -116,12 +124,14 @@ def plan(
     *,
     seed: int,
     iterations: int = 4000,
+    planner: str = TREE,
 ) -> JointPath | NoPath:
     """Find a collision-free joint path of one arm while the other keeps still.
 
-    A straight line to a goal is tried first, nearest goal first; then RRT-Connect (Kuffner and LaValle, "RRT-Connect:
-    An Efficient Approach to Single-Query Path Planning", ICRA 2000), and the result is shortened. The same arguments
-    give the same path: the search ends after a number of iterations or checked states, never by the clock.
+    A straight line to a goal is tried first, nearest goal first; then RRT-Connect, and the result is shortened and its
+    corners are cut. Every edge is proven: at the states looked at it keeps the world's margin, and between them not
+    more than ``SLACK`` of the margin can be lost. The same arguments give the same path: the search ends after a number
+    of iterations, never by the clock, except for OMPL's optimising planners, which use all their time.
 
     Args:
         world: Collisions, already set up (object, fingers, allowed contacts).
@@ -130,7 +140,8 @@ def plan(
         goals: ``(m, 7)`` [rad], any of which will do.
         q_other: Joint positions of the other arm ``(7,)`` [rad].
         seed: Makes the call repeatable.
-        iterations: Of RRT-Connect, over all tries.
+        iterations: Of RRT-Connect.
+        planner: ``TREE``, which is compiled as a whole, or a name of ``ompl_search.PLANNERS``.
 
     Returns:
         The path, from exactly ``start`` to exactly one of the goals, or why there is none.
@@ -138,44 +149,82 @@ def plan(
     start, goals = np.asarray(start, dtype=np.float64), np.atleast_2d(np.asarray(goals, dtype=np.float64))
     if start.shape != (7,) or goals.shape[1] != 7 or not len(goals):
         raise ValueError(f"start must be (7,) and goals (m, 7), m >= 1; got {start.shape} and {goals.shape}")
+    if not (np.isfinite(start).all() and np.isfinite(goals).all() and np.isfinite(q_other).all()):
+        raise ValueError("start, goals and the other arm's joint positions must be finite")
+    if planner != TREE and planner not in PLANNERS:
+        raise UnknownName("planner", planner, (TREE, *PLANNERS))
     if refused := _precheck(world, arm, start, goals, q_other):
         return NoPath(refused)
     free = checker(world, arm, q_other)
     usable = [goal for goal in goals if arm.within_limits(goal) and free(goal)]
     usable.sort(key=lambda goal: float(np.linalg.norm(goal - start)))
-    for goal in usable:
-        if edge_free(free, start, goal, RESOLUTION / 2):
-            return JointPath(np.stack([start, goal]))
-    budget = _Budget(free, iterations, STATES_PER_ITERATION * iterations)
-    for attempt in range(TRIES):
-        resolution = RESOLUTION / 2**attempt
-        found = _rrt_connect(budget, arm, start, usable, seed + attempt, resolution)
-        if found is None:
-            break
-        if path_free(free, found, resolution / 2):
-            short = shortened(free, found, np.random.default_rng(seed), resolution / 2)
-            return JointPath(rounded(free, short, resolution / 2))
-    return NoPath(Exhausted(budget.checks, budget.iterations))
+    search = _Search(world, arm, q_other, seed)
+    found = (
+        search.tree(start, usable, iterations) if planner == TREE else search.ompl(start, usable, planner, iterations)
+    )
+    if isinstance(found, Exhausted):
+        return NoPath(found)
+    if len(found) == 2:
+        return JointPath(found)
+    short = search.motion.shorten(found, seed=seed, margin=world.margin, slack=search.slack, attempts=SHORTCUTS)
+    return JointPath(rounded(search.edge, short))
 
 
-class _Budget:
-    """A collision check that counts, and how much counting is allowed."""
+class _Search:
+    """The compiled checks of one arm, and the searches that use them."""
 
-    def __init__(self, free: Free, iterations: int, checks: int) -> None:
-        self._free, self._most_iterations, self._most_checks = free, iterations, checks
-        self.checks = self.iterations = 0
+    def __init__(self, world: CollisionWorld, arm: ArmKinematics, q_other: Array, seed: int) -> None:
+        self.motion = world.motion([arm.side], both_arms(arm, arm.home, q_other))
+        self.margin, self.slack, self.seed, self._arm = world.margin, SLACK * world.margin, seed, arm
+        self.checks = 0
 
-    def free(self, q: Array) -> bool:
-        """Check a state."""
+    def edge(self, a: Array, b: Array) -> bool:
+        """Whether the straight line between two configurations ``(7,)`` [rad] is proven free."""
         self.checks += 1
-        return self._free(q)
+        return self.motion.path(np.stack([a, b]), self.margin, self.slack)[1] == FREE
 
-    def spent(self) -> bool:
-        """Whether the search must stop; RRT-Connect asks once in every iteration."""
-        if self.iterations >= self._most_iterations or self.checks >= self._most_checks:
-            return True
-        self.iterations += 1
-        return False
+    def tree(self, start: Array, goals: list[Array], iterations: int) -> Array | Exhausted:
+        """The compiled RRT-Connect."""
+        found = self.motion.connect(
+            start,
+            np.array(goals),
+            self._bounds(start, goals),
+            seed=self.seed,
+            margin=self.margin,
+            slack=self.slack,
+            longest=RANGE,
+            samples=SAMPLES_PER_ITERATION * iterations,
+        )
+        return found.points if len(found.points) else Exhausted(found.states, found.samples)
+
+    def ompl(self, start: Array, goals: list[Array], planner: str, iterations: int) -> Array | Exhausted:
+        """One of OMPL's planners with the compiled check of edges."""
+        for goal in goals:
+            if self.edge(start, goal):
+                return np.stack([start, goal])
+
+        def free(q: Array) -> bool:
+            return bool(self.motion.states(q[None], self.margin)[0] == FREE)
+
+        asked = 0
+
+        def spent() -> bool:
+            nonlocal asked
+            asked += 1
+            return asked > iterations
+
+        bounds = self._bounds(start, goals)
+        stop = spent if planner == "RRTConnect" else OPTIMISING_TIME
+        raw, _ = search(
+            free, self.edge, start, np.array(goals), bounds, seed=self.seed, stop=stop, planner=planner, longest=RANGE
+        )
+        return Exhausted(self.checks, asked) if raw is None else raw
+
+    def _bounds(self, start: Array, goals: list[Array]) -> Array:
+        """Where samples are drawn ``(2, 7)`` [rad]: inside the limits, start and goals included."""
+        ends = np.array([start, *goals])
+        low = np.minimum(self._arm.lower + INSET, ends.min(axis=0))
+        return np.stack([low, np.maximum(self._arm.upper - INSET, ends.max(axis=0))])
 
 
 def checker(world: CollisionWorld, arm: ArmKinematics, q_other: Array) -> Free:
@@ -221,58 +270,3 @@ def past_limit(arm: ArmKinematics, q: Array) -> tuple[str, float, float]:
     k = int(np.argmax(np.maximum(arm.lower - q, q - arm.upper)))
     limit = arm.lower[k] if arm.lower[k] - q[k] > q[k] - arm.upper[k] else arm.upper[k]
     return str(arm.model.names[k + 1]), float(q[k]), float(limit)
-
-
-def _rrt_connect(
-    budget: _Budget, arm: ArmKinematics, start: Array, goals: list[Array], seed: int, resolution: float
-) -> Array | None:
-    """OMPL's RRT-Connect with our own edge check; all of OMPL lives in here, so that it leaves no noise at exit."""
-    from ompl import base, geometric, util
-
-    util.setLogLevel(util.LOG_NONE)
-    util.RNG.setSeed(max(1, seed))
-    space = base.RealVectorStateSpace(7)
-    bounds = base.RealVectorBounds(7)
-    ends = np.array([start, *goals])
-    for k, (low, high) in enumerate(zip(ends.min(axis=0), ends.max(axis=0), strict=True)):
-        bounds.setLow(k, float(min(arm.lower[k] + INSET, low)))
-        bounds.setHigh(k, float(max(arm.upper[k] - INSET, high)))
-    space.setBounds(bounds)
-    info = base.SpaceInformation(space)
-
-    class Edges(base.MotionValidator):  # type: ignore[misc]
-        """Checks a whole edge, with its end; the search asks only for edges that begin at a free state."""
-
-        def checkMotion(self, a: Any, b: Any) -> bool:
-            qa, qb = _values(a), _values(b)
-            return budget.free(qb) and edge_free(budget.free, qa, qb, resolution)
-
-    info.setStateValidityChecker(lambda state: budget.free(_values(state)))
-    info.setMotionValidator(Edges(info))
-    info.setStateValidityCheckingResolution(resolution / space.getMaximumExtent())
-    info.setup()
-    problem = base.ProblemDefinition(info)
-    problem.addStartState(_state(space, start))
-    targets = base.GoalStates(info)
-    for goal in goals:
-        targets.addState(_state(space, goal))
-    problem.setGoal(targets)
-    planner = geometric.RRTConnect(info)
-    planner.setProblemDefinition(problem)
-    planner.setRange(RANGE)
-    planner.setup()
-    planner.solve(base.PlannerTerminationCondition(budget.spent))
-    if not problem.hasExactSolution():
-        return None
-    return np.array([_values(state) for state in problem.getSolutionPath().getStates()])
-
-
-def _values(state: Any) -> Array:
-    return np.array([state[k] for k in range(7)])
-
-
-def _state(space: Any, q: Array) -> Any:
-    state = space.allocState()
-    for k in range(7):
-        state[k] = float(q[k])
-    return state

@@ -82,6 +82,13 @@ _Knots = tuple[Array, Array, Array]
 """Times ``(k,)`` [s], positions ``(k, 7)`` [rad], velocities ``(k, 7)`` [rad/s]."""
 
 
+def load() -> None:
+    """Load TOPP-RA, which brings plotting libraries and takes a second the first time."""
+    import toppra
+
+    logging.getLogger(toppra.__name__).setLevel(logging.CRITICAL)
+
+
 def _dense(points: Array) -> Array:
     """The points without repeated ones, and more of them wherever they are further apart than ``DENSE``."""
     out = [points[0]]

@@ -15,6 +15,7 @@ from msgspec import Struct
 from affordance.candidates import Proposer
 from affordance.heuristic import HeuristicProposer
 from affordance.uniform import UniformProposer
+from planners import timing
 from robots.cache import write_atomic
 from robots.errors import BadInput, BadRunFolder, UnknownName
 from robots.model import DualArm
@@ -64,6 +65,8 @@ class Request(Struct, frozen=True, kw_only=True):
     """Shipped name or TOML file."""
     execute: bool = True
     mode: Mode = "E2"
+    overlap: bool = True
+    """Whether one arm may already move to where it acts next while the other still acts."""
     max_pushes: int = 3
     """How often the object may be pushed."""
     timeout: float = 60.0
@@ -199,6 +202,7 @@ def opened(request: Request, watch: Watch = SILENT) -> Iterator[tuple[Episode, B
     if task.type == "handover" and workcell.human is None:
         raise BadInput(f"{task.category} needs a workcell with a [human] table; {workcell.name} has none.")
     watch.begin("world")
+    timing.load()
     asset = _asset(request, task)
     with scene.build(workcell, asset, request.seed) as world:
         watch.begin("observe")
@@ -218,7 +222,7 @@ def subject_of(request: Request, task: Task, workcell: Workcell, asset: Asset) -
     budget = ONE_SHOT if request.mode == "E1" else Budget()
     budget = replace(budget, seconds=request.timeout)
     arms, pushes = DualArm(workcell), 1 if request.mode == "E1" else request.max_pushes
-    return Subject(task, workcell, arms, asset, request.seed, request.proposer, budget, pushes)
+    return Subject(task, workcell, arms, asset, request.seed, request.proposer, budget, pushes, request.overlap)
 
 
 def run(

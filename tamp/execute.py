@@ -15,7 +15,7 @@ from robots.errors import SimulationDiverged
 from robots.model import DualArm
 from robots.spatial import Array, angle_between, unit
 from robots.workcell import SIDES, Side
-from tamp.plan import Await, Grip, Motion, Plan, Stage, StageName
+from tamp.plan import Await, Grip, Meanwhile, Motion, Plan, Stage, StageName
 from tamp.trace import Cause, Failure
 from worlds import physics
 from worlds.bullet.human import HumanHand
@@ -43,8 +43,8 @@ LOST = 0.10
 """Joint error above which the arm counts as blocked [rad]."""
 
 FORCE_GAIN = 0.7e-6
-"""How far a pressing hand is raised in each step for each newton too much [m/N]: a contact of 36 N/mm then loses 2.5 % of
-the error a step. Three times as much made pads hop: the arm follows its targets some steps late."""
+"""How far a pressing hand is raised in each step for each newton too much [m/N]: a contact of 36 N/mm then loses 2.5 %
+of the error a step. Three times as much made pads hop: the arm follows its targets some steps late."""
 
 FORCE_READY, FORCE_WAIT = 0.2, 0.6
 """Share of the wanted force within which, and longest time for which, a drag waits for it before it moves [s]."""
@@ -122,7 +122,8 @@ def execute(
         arms: Kinematics of both arms.
         task: The limits.
         camera: Records meanwhile.
-        until: Run only so many stages; the outcome then has no verdict and ``success`` tells whether all monitors agreed.
+        until: Run only so many stages; the outcome then has no verdict, and ``success`` says whether all monitors
+            agreed.
         moment: Called after each stage.
     """
     return Execution(plan, world, arms, task, camera).run(until, moment)
@@ -164,7 +165,8 @@ class Execution:
         """
         for side, step, opening in reversed(self._done):
             if isinstance(step, Grip):
-                self._grip(side, replace(step, opening=opening, force=physics.OPEN_FORCE))
+                back = None if step.meanwhile is None else _reversed_part(step.meanwhile, step.duration)
+                self._grip(side, replace(step, opening=opening, force=physics.OPEN_FORCE, meanwhile=back))
             elif step.template != "drag":
                 self._move(side, reversed_motion(step), nearest=True)
         self._done.clear()
@@ -211,7 +213,9 @@ class Execution:
         positions, velocities, _ = curve.sample(times)
         first = self._resumed_at(side, step, positions, nearest)
         self._build_up(side, step, positions[0])
-        for q, qd in zip(positions[first:], velocities[first:], strict=True):
+        along = self._alongside(step)
+        for t, q, qd in zip(times[first:], positions[first:], velocities[first:], strict=True):
+            along(float(t))
             self._press_on(side, step.force)
             self.target[side] = self._corrected(side, q)
             self.world.command_arm(side, self.target[side], qd)
@@ -275,8 +279,32 @@ class Execution:
         self._done.append((side, step, self.openings[side]))
         self.openings[side] = step.opening
         self.world.command_fingers(side, step.opening, step.force)
-        for _ in range(int(np.ceil(step.duration / physics.STEP))):
+        along = self._alongside(step)
+        for k in range(1, int(np.ceil(step.duration / physics.STEP)) + 1):
+            along(k * physics.STEP)
             self._step()
+
+    def _alongside(self, step: Motion | Grip) -> Callable[[float], None]:
+        """What commands the other arm at a time of the step [s]."""
+        part = step.meanwhile
+        if part is None:
+            return lambda _: None
+        curve, side, shaped = part.trajectory(), part.arm, part.opening is None
+
+        def command(t: float) -> None:
+            nonlocal shaped
+            if t < part.begin:
+                return
+            if not shaped and part.opening is not None:
+                shaped = True
+                self.openings[side] = part.opening
+                self.world.command_fingers(side, part.opening, physics.OPEN_FORCE)
+            q, qd, _ = curve.sample(t - part.begin)
+            done = t - part.begin >= curve.duration and not qd.any()
+            self.target[side] = q[0]
+            self.world.command_arm(side, q[0], np.zeros(7) if done else qd[0])
+
+        return command
 
     def _await(self, side: Side, step: Await) -> None:
         """Keep still until the human pulls; the pull is what the wrist feels beyond what it felt at the beginning."""
@@ -319,29 +347,27 @@ class Execution:
             ), "tracking"
         if self.world.object_pose().translation[2] < self.world.workcell.table.top - FELL:
             return self._say("held", False, "the object fell off the table"), "fell"
-        match (stage.name, stage.role):
-            case ("pregrasp" | "grasp", _):
-                return self._held()
-            case ("lift", _):
-                return self._lifted()
-            case ("reorient", _):
-                return self._exposed()
-            case ("present", _):
-                return self._presented()
-            case ("operate", _):
-                return self._operated()
-            case ("push", _) | ("retreat", "assistant"):
-                return self._overhanging()
-            case ("press", _):
-                return self._tilted()
-            case ("release", "primary"):
-                return self._disengaged()
-            case ("release", "assistant") if self.plan.task == "handover":
-                return self._handed()
-            case ("release", "assistant"):
-                return self._still_held(self.plan.primary)
-            case _:
-                return self._still_held(self.plan.assistant)
+        return self._check_of(stage)()
+
+    def _check_of(self, stage: Stage) -> Callable[[], tuple[Checked, Cause]]:
+        """The monitor of a stage."""
+        by_name: dict[str, Callable[[], tuple[Checked, Cause]]] = {
+            "pregrasp": self._held,
+            "grasp": self._held,
+            "lift": self._lifted,
+            "reorient": self._exposed,
+            "present": self._presented,
+            "operate": self._operated,
+            "push": self._overhanging,
+            "press": self._tilted,
+        }
+        by_role: dict[tuple[str, str], Callable[[], tuple[Checked, Cause]]] = {
+            ("release", "primary"): self._disengaged,
+            ("release", "assistant"): self._handed if self.plan.task == "handover" else self._primary_holds,
+            ("retreat", "primary"): self._assistant_holds,
+            ("retreat", "assistant"): self._overhanging,
+        }
+        return by_name.get(stage.name) or by_role[stage.name, stage.role]
 
     def _say(self, fact: str, true: bool, detail: str) -> Checked:
         return Checked(stage=self.stage.name, fact=fact, true=true, detail=detail)
@@ -427,6 +453,12 @@ class Execution:
         felt = "no pull was felt" if self.pull is None else f"let go at {self.pull:.1f} N"
         return self._say("handed", good, felt), "not_handed"
 
+    def _primary_holds(self) -> tuple[Checked, Cause]:
+        return self._still_held(self.plan.primary)
+
+    def _assistant_holds(self) -> tuple[Checked, Cause]:
+        return self._still_held(self.plan.assistant)
+
     def _still_held(self, side: Side) -> tuple[Checked, Cause]:
         good = holds(self.world, side)
         role = "assistant" if side == self.plan.assistant else "primary"
@@ -505,6 +537,20 @@ def reversed_motion(step: Motion) -> Motion:
         velocities=[[-v for v in row] for row in reversed(step.velocities)],
         guard=None,
         force=None,
+        meanwhile=None if step.meanwhile is None else _reversed_part(step.meanwhile, end),
+    )
+
+
+def _reversed_part(part: Meanwhile, duration: float) -> Meanwhile:
+    """What the other arm did during a step of some duration [s], backwards."""
+    end = part.times[-1]
+    return replace(
+        part,
+        begin=max(0.0, duration - part.end),
+        times=[0.0, *(end - t for t in reversed(part.times[:-1]))],
+        positions=part.positions[::-1],
+        velocities=[[-v for v in row] for row in reversed(part.velocities)],
+        opening=None,
     )
 
 

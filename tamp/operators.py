@@ -203,8 +203,8 @@ INITIAL: State = frozenset({Atom("resting"), *(Atom("free", side) for side in SI
 def solved(task: TaskType, state: State) -> bool:
     """Whether a state reaches the goal of a task type.
 
-    Articulated: operated and let go by one arm while the other still holds. Edge push and plate: one arm alone holds the
-    lifted object. Handover: the human holds it.
+    Articulated: operated and let go by one arm while the other still holds. Edge push and plate: one arm alone holds
+    the lifted object. Handover: the human holds it.
     """
     match task:
         case "articulated":

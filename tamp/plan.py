@@ -30,7 +30,7 @@ Role = Literal["assistant", "primary"]
 Template = Literal[
     "free", "approach", "lift", "pull", "twist", "flip", "press", "descend", "drag", "retreat"
 ]  # fmt: skip
-"""How a motion was made: ``free`` by sampling, ``twist`` and ``flip`` about a line, the others along a straight line."""
+"""How a motion was made: ``free`` by sampling, ``twist`` and ``flip`` about a line, the others on a straight line."""
 
 Pair = tuple[str, str]
 """Two names that may touch, for example ``("left/panda_leftfinger", "object")``; order means nothing."""
@@ -43,8 +43,36 @@ class Saved(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base of everything in a plan file: immutable, and strict about unknown keys."""
 
 
+class Meanwhile(Saved, frozen=True, kw_only=True):
+    """The other arm on its way to where it acts next, while the stage's arm acts.
+
+    A way that takes longer than a step goes on in the next one, where this one ends.
+    """
+
+    arm: Side
+    begin: float
+    """When in the step it begins [s]."""
+    times: list[float]
+    """Knot times from there [s], from 0."""
+    positions: list[Row7]
+    """Knot joint positions [rad]."""
+    velocities: list[Row7]
+    """Knot joint velocities [rad/s]."""
+    opening: float | None = None
+    """Opening to which its fingers move from there on [m]; ``None`` where they keep still."""
+
+    @property
+    def end(self) -> float:
+        """When in the step it ends [s]."""
+        return self.begin + self.times[-1]
+
+    def trajectory(self) -> Trajectory:
+        """The curve; ``ValueError`` when the knots do not make one."""
+        return Trajectory(np.array(self.times), np.array(self.positions), np.array(self.velocities))
+
+
 class Motion(Saved, frozen=True, tag="motion", kw_only=True):
-    """The stage's arm follows a timed curve; the other arm and all fingers keep still."""
+    """The stage's arm follows a timed curve; all fingers keep still, and so does the other arm unless it says so."""
 
     template: Template
     times: list[float]
@@ -61,6 +89,8 @@ class Motion(Saved, frozen=True, tag="motion", kw_only=True):
     """Contact force at which the motion stops early [N]; ``None`` for none."""
     force: float | None = None
     """Force with which the hand presses on the object along the way, kept by raising or lowering it [N]."""
+    meanwhile: Meanwhile | None = None
+    """What the other arm does."""
 
     @property
     def duration(self) -> float:
@@ -73,7 +103,7 @@ class Motion(Saved, frozen=True, tag="motion", kw_only=True):
 
 
 class Grip(Saved, frozen=True, tag="grip", kw_only=True):
-    """The stage's arm drives its fingers to an opening with a force limit; both arms keep still."""
+    """The stage's arm drives its fingers to an opening with a force limit and keeps still."""
 
     opening: float
     """Commanded opening of one finger [m]."""
@@ -85,6 +115,8 @@ class Grip(Saved, frozen=True, tag="grip", kw_only=True):
     """Contacts intended while it runs."""
     holder: Side | None
     """The hand that holds the object when it ends; ``None`` while it stands on the table."""
+    meanwhile: Meanwhile | None = None
+    """What the other arm does."""
 
 
 class Await(Saved, frozen=True, tag="await", kw_only=True):
@@ -98,6 +130,8 @@ class Await(Saved, frozen=True, tag="await", kw_only=True):
     """Contacts intended while it runs."""
     holder: Side | None
     """The hand that holds the object."""
+    meanwhile: None = None
+    """The other arm keeps still."""
 
 
 class Stage(Saved, frozen=True, kw_only=True):
@@ -239,10 +273,21 @@ def _check_shapes(plan: Plan, origin: str) -> None:
             for step in stage.steps:
                 if isinstance(step, Motion):
                     step.trajectory()
+                if step.meanwhile is not None:
+                    _check_meanwhile(step.meanwhile, stage.arm, step.duration)
     except ValueError as error:
         raise BadRunFolder(f"{origin}, {where}: {error}.") from error
     if not plan.stages or plan.assistant == plan.primary:
         raise BadRunFolder(f"{origin} holds no usable plan: {len(plan.stages)} stages, roles share an arm or none.")
+
+
+def _check_meanwhile(meanwhile: Meanwhile, arm: Side, duration: float) -> None:
+    """``ValueError`` when the other arm's part cannot be done during a step."""
+    meanwhile.trajectory()
+    if meanwhile.arm == arm:
+        raise ValueError(f"the {arm} arm cannot do two things at once")
+    if meanwhile.begin < 0.0 or meanwhile.end > duration + 1e-6:
+        raise ValueError(f"what the {meanwhile.arm} arm does meanwhile lasts longer than the step")
 
 
 def load(folder: Path) -> Plan:

@@ -17,8 +17,8 @@ from worlds.assets.asset import Split
 from worlds.tasks import TaskType
 
 Moment = Literal["initial", "grasped", "prepared", "final"]
-"""When something was looked at: at rest on the table; held (or touched) by the assistant before it moves anything;
-when the assistant's preparation is done; when the episode is judged."""
+"""When something was looked at: at rest on the table; when the assistant has taken it up, or has pushed or pressed it,
+its hand still there; when the assistant's preparation is done; when the episode has ended."""
 
 MOMENTS: tuple[Moment, ...] = get_args(Moment)
 
@@ -135,9 +135,10 @@ class Action:
         stage: For example ``pregrasp``.
         arm: ``left`` or ``right``.
         role: ``assistant`` or ``primary``.
-        T_world_hand: ``(4, 4)`` pose of the hand at the contact.
-        contact: ``(3,)`` contact point in the world frame [m].
-        direction: ``(3,)`` unit vector along which the hand then moves, in the world frame; zero if it does not.
+        T_world_hand: ``(4, 4)`` pose of the hand at the contact; where it goes, in a stage that makes none.
+        contact: ``(3,)`` contact point, or else the tool centre point there, in the world frame [m].
+        direction: ``(3,)`` unit vector in the world frame along which the hand moves from the contact on, or about
+            which it then turns; in a stage without a contact, along which it has come. Zero if it does not move.
         amount: How far [m], or how much it turns [rad].
         opening: Opening of one finger at the contact [m].
         score: The proposer's score.

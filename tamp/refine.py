@@ -60,6 +60,7 @@ class Solved:
         goal: The final goal candidate.
         stages: The stages made concrete.
         drafts: What they were made of.
+        chosen: The candidate used at each level.
     """
 
     number: int
@@ -67,6 +68,7 @@ class Solved:
     goal: GoalCandidate
     stages: StagePlans
     drafts: tuple[Draft, ...]
+    chosen: tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,7 +280,7 @@ class Search:
         counts = {level.name: self._tried(partial.index[: depth + 2]) for depth, level in enumerate(partial.levels)}
         stages = self.timeline.build(list(partial.drafts), self._seed(3, *partial.index), counts)
         if isinstance(stages, StagePlans):
-            return Solved(len(self.tried) - 1, self.tried[-1], partial.goal, stages, partial.drafts)
+            return Solved(len(self.tried) - 1, self.tried[-1], partial.goal, stages, partial.drafts, partial.chosen)
         number, reject = stages
         depth = next(
             d for d, level in enumerate(partial.levels) if level.first <= number < level.first + len(level.stages)
@@ -290,9 +292,12 @@ class Search:
     def _to_blame(self, partial: Partial, depth: int, causes: Sequence[Reject]) -> int:
         """Where to go back to when a level's candidates failed for these causes.
 
-        Two hands that meet at the part blame the grasp: hand and part move together, so another object pose cannot help.
-        Everything else blames the level before: its next candidate makes another scene.
+        Two hands that meet at the part blame the grasp: hand and part move together, so another pose cannot help.
+        A primary hand that meets the object itself does so in every pose and with every grasp: that blames the
+        anticipatory goal. Everything else blames the level before: its next candidate makes another scene.
         """
+        if partial.levels[depth].name == "operate" and all(hits_object(cause, partial.roles) for cause in causes):
+            return -1
         grasp = next((d for d, level in enumerate(partial.levels[:depth]) if level.sampler == "pregrasp"), None)
         if grasp is not None and all(hands_clash(cause, partial.roles) for cause in causes):
             return grasp
@@ -365,6 +370,13 @@ def hands_clash(reject: Reject, roles: Roles) -> bool:
     return sides == {roles.assistant, roles.primary} and all(
         "hand" in name or "finger" in name for name in reject.bodies
     )
+
+
+def hits_object(reject: Reject, roles: Roles) -> bool:
+    """Whether the primary's hand meets the object where it is not to be touched."""
+    if reject.bodies is None or "object" not in reject.bodies:
+        return False
+    return any(name.startswith(f"{roles.primary}/") and ("hand" in name or "finger" in name) for name in reject.bodies)
 
 
 def order(skeletons: Iterator[Skeleton], view: SceneView, goal: GoalCandidate | None) -> list[Skeleton]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -19,6 +19,7 @@ from tamp import plan as plan_file
 from tamp import trace as trace_file
 from tamp.drafts import Situation
 from tamp.operators import INITIAL
+from tamp.overlap import overlapped
 from tamp.plan import AssetReference, Operation, Plan, StageName
 from tamp.refine import Budget, Search, Solved, Unsolved, order
 from tamp.skeletons import roles_of, skeletons
@@ -67,6 +68,7 @@ class Subject:
         proposer: Name of the proposer.
         budget: How many candidates are tried.
         pushes: How often the object may be pushed.
+        overlap: Whether one arm may already move to where it acts next while the other still acts.
     """
 
     task: Task
@@ -77,6 +79,7 @@ class Subject:
     proposer: str
     budget: Budget
     pushes: int
+    overlap: bool = True
 
 
 @dataclass
@@ -119,6 +122,10 @@ class Round:
         found = skeletons(subject.task.type, initial, repeats=subject.pushes)
         result = self.search.run(order(found, view, first[0] if first else None))
         if isinstance(result, Solved):
+            stages = result.stages
+            if subject.overlap:
+                stages = replace(stages, stages=overlapped(self.search.cell, stages))
+                result = replace(result, stages=stages)
             self.solved = result
             self.plan = self._as_plan(T_world_object, result, T_world_body)
             plan_file.save(self.plan, self.folder)

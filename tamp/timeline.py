@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +15,7 @@ from planners.timing import NotTimeable, retime
 from robots.model import DualArm
 from robots.trajectory import Trajectory
 from robots.workcell import Side, other
-from tamp.drafts import Draft, Leg, Pause, Reject, Situation, Squeeze
+from tamp.drafts import Draft, Leg, Pause, Reject, Setting, Situation, Squeeze
 from tamp.plan import Await, Grip, Motion, Stage, StageName, matrix
 from tamp.stages.cell import Cell, collision
 
@@ -27,10 +27,12 @@ class StagePlans:
     Attributes:
         stages: In order.
         min_clearance: Smallest distance met between anything that was not allowed to touch [m].
+        settings: The collision world during every step, by stage.
     """
 
     stages: list[Stage]
     min_clearance: float
+    settings: list[list[Setting]]
 
 
 class _Failed(Exception):
@@ -49,13 +51,14 @@ class Timeline:
     def build(self, drafts: list[Draft], seed: int, counts: Mapping[StageName, int]) -> StagePlans | tuple[int, Reject]:
         """The stages, or the number of the first draft that cannot be made and why."""
         builder = _Builder(self.cell, seed)
-        stages = []
+        stages, settings = [], []
         for number, draft in enumerate(drafts):
             try:
                 stages.append(builder.stage(draft, counts.get(draft.stage, 1)))
+                settings.append(step_settings(draft))
             except _Failed as failed:
                 return number, failed.reject
-        return StagePlans(stages, builder.min_clearance)
+        return StagePlans(stages, builder.min_clearance, settings)
 
 
 class _Builder:
@@ -147,6 +150,19 @@ def world_object(arms: DualArm, situation: Situation) -> pin.SE3:
     if holder is None:
         return situation.T_object
     return arms[holder].hand(situation.q[holder]) * situation.T_object
+
+
+def step_settings(draft: Draft) -> list[Setting]:
+    """The collision world during every step of a draft; while fingers move they count as wide as before or after."""
+    found: list[Setting] = []
+    last = draft.before.setting()
+    for step in draft.steps:
+        if isinstance(step, Leg):
+            last = step.setting
+            found.append(last)
+        else:
+            found.append(replace(last, allowed=step.allowed))
+    return found
 
 
 def no_path(path: NoPath) -> Reject:

@@ -11,11 +11,17 @@ import numpy as np
 import pinocchio as pin
 
 from robots.spatial import Array, frozen
+from robots.workcell import Side
 from worlds.assets.asset import FunctionalPart
 from worlds.assets.shape import collision_vertices, surface
+from worlds.bullet.client import from_bullet
 from worlds.bullet.render import render
 from worlds.bullet.world import BulletWorld
+from worlds.camera import unproject
 from worlds.observe import Observation
+
+NOTHING = "-"
+"""The link of a point that lies on none of those asked for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,18 +71,64 @@ def truth(world: BulletWorld, observation: Observation) -> Truth:
     )
 
 
-def point_links(world: BulletWorld, observation: Observation) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
-    """The object link on which each observed point lies ``(n,)``; ``"-"`` for anything else."""
-    links = np.full(len(observation.cloud), "-", dtype=np.dtype("U64"))
+def point_links(
+    world: BulletWorld, observation: Observation, hand: Side | None = None
+) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
+    """The link on which each observed point lies ``(n,)``: of the object, or of one arm's hand; else ``NOTHING``.
+
+    The world must not have moved since the observation.
+    """
+    known = _link_codes(world, hand)
+    names = np.array([*known.values(), NOTHING], dtype=np.dtype("U64"))
+    links = np.full(len(observation.cloud), NOTHING, dtype=names.dtype)
     for number, camera in enumerate(world.workcell.cameras):
         mine = observation.pixels[:, 0] == number
-        packed = render(world, camera).bodies[observation.pixels[mine, 1], observation.pixels[mine, 2]]
-        body, link = packed & ((1 << 24) - 1), (packed >> 24) - 1
-        links[mine] = [
-            world.object_links[int(k)] if b == world.object and p >= 0 else "-"
-            for b, k, p in zip(body, link, packed, strict=True)
-        ]
+        codes = render(world, camera).bodies[observation.pixels[mine, 1], observation.pixels[mine, 2]]
+        matches = codes[:, None] == np.array(list(known))
+        links[mine] = names[np.where(matches.any(axis=1), matches.argmax(axis=1), len(known))]
     return links
+
+
+def labelled_view(world: BulletWorld, hand: Side) -> Observation:
+    """What the cameras see of the object and of one arm's hand, wherever they are and whatever else is in view."""
+    known = list(_link_codes(world, hand))
+    parts = []
+    for number, camera in enumerate(world.workcell.cameras):
+        image = render(world, camera)
+        keep = np.isin(image.bodies, known) & np.isfinite(image.depth)
+        rows, columns = np.nonzero(keep)
+        pixels = np.column_stack([np.full_like(rows, number), rows, columns]).astype(np.int32)
+        parts.append((unproject(camera, image.depth)[keep], image.rgb[keep] / 255.0, pixels))
+    return Observation(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+
+def link_poses(world: BulletWorld) -> dict[str, Array]:
+    """``(4, 4)`` poses in the world frame of every link of the object and of both hands, fingers included."""
+    found = {}
+    for body, numbers in ((world.object, world.object_links), *_hands(world).values()):
+        for number, name in numbers.items():
+            if number < 0:
+                found[name] = frozen(world.object_pose().homogeneous)
+            else:
+                state = world.client.getLinkState(body, number, computeForwardKinematics=1)
+                found[name] = frozen(from_bullet(state[4], state[5]).homogeneous)
+    return found
+
+
+def _hands(world: BulletWorld) -> dict[Side, tuple[int, dict[int, str]]]:
+    """Body number of each arm, and the names of its hand's and fingers' links by number."""
+    return {
+        side: (arm.body, {number: arm.names[number] for number in (arm.hand, *arm.finger_links)})
+        for side, arm in world.arms.items()
+    }
+
+
+def _link_codes(world: BulletWorld, hand: Side | None) -> dict[int, str]:
+    """Names of the object's links, and of one arm's hand's, by the number with which an image marks them."""
+    bodies = [(world.object, world.object_links)]
+    if hand is not None:
+        bodies.append(_hands(world)[hand])
+    return {body + ((number + 1) << 24): name for body, numbers in bodies for number, name in numbers.items()}
 
 
 def centre_of_mass(world: BulletWorld) -> Array:

@@ -47,6 +47,8 @@ class Arguments:
     """Look again after each push and after a failed stage, and plan on from what is seen."""
     no_resample: bool = False
     """Try the best candidate of each stage and no other, and push once at the most."""
+    no_overlap: bool = False
+    """Let one arm wait at home until the other has finished its stage."""
     max_pushes: int = 3
     """How often the object may be pushed."""
     no_execute: bool = False
@@ -76,6 +78,7 @@ def run(arguments: Arguments, output: Output) -> int:
         workcell=arguments.workcell,
         execute=not arguments.no_execute,
         mode=_mode(arguments),
+        overlap=not arguments.no_overlap,
         max_pushes=arguments.max_pushes,
         timeout=arguments.timeout,
         out=arguments.out,

@@ -78,7 +78,6 @@ def play(tried: Attempt, *, settings: Settings, scratch: Path, episode: EpisodeO
 
 def recording_episode() -> EpisodeOf:
     """What plays episodes outside of tests."""
-    from tamp.episode import record_episode  # type: ignore[attr-defined]
+    from tamp.recording import record_episode
 
-    found: EpisodeOf = record_episode
-    return found
+    return record_episode

@@ -125,7 +125,7 @@ def collect(
         folder: Where the shards are written.
         workers: Episodes at the same time.
         watch: Shows progress.
-        episode: Plays an episode, in another process; without it ``tamp.episode.record_episode``.
+        episode: Plays an episode, in another process; without it ``tamp.recording.record_episode``.
 
     Raises:
         BadRunFolder: The folder cannot be used, or a shard in it is damaged.

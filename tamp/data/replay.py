@@ -45,7 +45,7 @@ def replay(folder: Path, name: str, episode: EpisodeOf | None = None) -> Replay:
     Args:
         folder: The data set.
         name: Of the episode, as ``bipre data`` and the shards have it.
-        episode: Plays it; without it ``tamp.episode.record_episode``.
+        episode: Plays it; without it ``tamp.recording.record_episode``.
 
     Raises:
         BadRunFolder: There is no such episode, or its object has changed since.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -41,20 +42,12 @@ def take(
     """Grasp, the assistant's release where it still presses, and lift."""
     if refused := swept_clear(cell, situation, goal):
         return refused
-    solved = cell.solutions(side, goal.T_world_hand, rng, [cell.arms[side].home], "the edge")
-    if isinstance(solved, Reject):
-        return solved
-    last = Reject("proposal", "no joint solution was tried")
-    for q in solved:
-        drafts = _with(cell, situation, side, goal, q, release)
-        if not isinstance(drafts, Reject):
-            return drafts
-        last = drafts
-    return last
+    attempt = partial(_with, cell, situation, side, goal, release)
+    return cell.first_working(side, goal.T_world_hand, rng, "the edge", attempt)
 
 
 def _with(
-    cell: Cell, situation: Situation, side: Side, goal: GoalCandidate, q: Array, release: bool
+    cell: Cell, situation: Situation, side: Side, goal: GoalCandidate, release: bool, q: Array
 ) -> list[Draft] | Reject:
     mine = touching(cell.workcell, side)
     around = situation.setting(openings={side: goal.opening}, allowed=ON_TABLE, ignored=mine)
@@ -66,7 +59,7 @@ def _with(
     closed = situation.moved(side, q, opening=opening, touching=(*situation.touching, *mine, *ON_TABLE))
     steps: tuple[Step, ...] = (
         *cell.ready(side, goal.opening, situation, (*situation.touching, *ON_TABLE)),
-        Leg(side, "free", way.points[0], FREE_SPEED, around),
+        Leg(side, "free", way.points[0], FREE_SPEED, situation.setting(openings=around.openings, allowed=ON_TABLE)),
         Leg(side, "approach", way, CONTACT_SPEED, around),
         closing(side, closed.touching, side),
     )
@@ -116,8 +109,8 @@ def swept_clear(cell: Cell, situation: Situation, goal: GoalCandidate) -> Reject
     hit = near & (y > goal.opening) & (y < goal.opening + FINGER_THICK)
     if hit.any():
         deep = float((gripper.tip_offset - z[hit]).max())
-        return Reject("collision", f"open fingers would sweep through {int(hit.sum())} seen points, {1e3 * deep:.0f} mm "
-                      "from their tips", ("fingers", "object"), deep)  # fmt: skip
+        detail = f"open fingers would meet {int(hit.sum())} seen points, {1e3 * deep:.0f} mm from their tips"
+        return Reject("collision", detail, ("fingers", "object"), deep)
     if not (near & (y <= goal.opening) & (z > gripper.tip_offset - FINGER_LENGTH)).any():
         return Reject("proposal", "no seen point lies between the open fingers")
     return None

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
+from scipy.interpolate import CubicHermiteSpline
 
 from robots.spatial import Array, angle_between, from_list
-from robots.workcell import SIDES, Side
-from tamp.plan import Await, Grip, Motion, Plan, Stage
+from robots.workcell import SIDES, Side, other
+from tamp.plan import Await, Grip, Meanwhile, Motion, Plan, Stage
 from tamp.verify.bodies import (
     Body,
     Carried,
@@ -23,7 +24,7 @@ from tamp.verify.bodies import (
     tilt_faults,
 )
 from tamp.verify.contacts import SHALLOW, Lookout, Seen
-from tamp.verify.curves import JOINT, OVER, SAMPLE, examine
+from tamp.verify.curves import JOINT, OVER, REST, SAMPLE, examine, examine_part
 from tamp.verify.found import Kind, Verification, Violation
 from tamp.verify.rules import (
     GUARDED,
@@ -104,6 +105,8 @@ class _Check:
         self.q: dict[Side, Array] = {side: np.array(self.plan.start[side]) for side in SIDES}
         self.openings: dict[Side, tuple[float, float]] = {side: (self.plan.start_opening,) * 2 for side in SIDES}
         self.where: tuple[str, int] = ("plan", 0)
+        self.part: tuple[Meanwhile, CubicHermiteSpline] | None = None
+        self.speed = np.zeros(7)
         self.unheld = False
 
     def say(self, kind: Kind, detail: str, at: float = 0.0) -> None:
@@ -216,6 +219,7 @@ class _Check:
     # -- steps -----------------------------------------------------------------------------------------------------
 
     def _step(self, cell: GhostCell, stage: Stage, number: int, step: Step) -> None:
+        self._alongside(stage, number)
         touch = {pair_of(finger, "object") for finger in fingers(self.plan, stage.arm)}
         seen = Seen(self._allowed(stage, number), touch if meets_level(stage, number) else None)
         match step:
@@ -230,6 +234,41 @@ class _Check:
                 self._await(cell, stage, step, seen)
         for text, at in seen.told():
             self.say("contact", text, at)
+
+    def _alongside(self, stage: Stage, number: int) -> None:
+        """Look at what the other arm does during a step, and make ready to place it at any time of the step."""
+        part = stage.steps[number].meanwhile
+        self.part = None
+        if part is None:
+            if np.abs(self.speed).max() > REST:
+                self.say("not_at_rest", f"the {other(stage.arm)} arm stops at once where it was moving")
+                self.speed = np.zeros(7)
+            return
+        if np.abs(self.speed).max() > REST and part.begin > 1e-6:
+            self.say("jump", f"the {part.arm} arm pauses at once where it was moving")
+        going_on = number + 1 < len(stage.steps) or part.end >= stage.steps[number].duration - 1e-6
+        arm, q = self.plan.workcell.arm(part.arm), self.q[part.arm]
+        curve = examine_part(part, arm, q, self.speed, last=not going_on)
+        for kind, text, at in curve.faults:
+            self.say(kind, text, at)
+        self.velocity, self.acceleration = (
+            max(self.velocity, curve.velocity),
+            max(self.acceleration, curve.acceleration),
+        )
+        self.speed = np.array(part.velocities[-1])
+        self.part = (part, CubicHermiteSpline(part.times, part.positions, part.velocities))
+
+    def _place_other(self, cell: GhostCell, t: float) -> None:
+        """Put the other arm where it is at a time of the step [s]."""
+        if self.part is None:
+            return
+        part, spline = self.part
+        self.q[part.arm] = np.array(spline(np.clip(t - part.begin, 0.0, part.times[-1])))
+        cell.place_arm(part.arm, self.q[part.arm])
+        if part.opening is not None and t >= part.begin:
+            wide = max(*self.openings[part.arm], part.opening)
+            cell.place_fingers(part.arm, (wide, wide))
+            self.openings[part.arm] = (part.opening, part.opening)
 
     def _met(self, cell: GhostCell, stage: Stage, step: Motion, level: bool) -> None:
         """Whether a hand that should have come to the object to push it has."""
@@ -270,6 +309,7 @@ class _Check:
         carried = self._carried(cell, stage, step, curve.positions)
         self._holder(stage, step, self.body.holder)
         for t, q in zip(curve.times, curve.positions, strict=True):
+            self._place_other(cell, float(t))
             cell.place_arm(side, q)
             carried.follow()
             self.lookout.look(cell, float(t), seen)
@@ -315,8 +355,13 @@ class _Check:
         for share in np.linspace(0.0, 1.0, max(2, int(np.ceil(distance / gripper.finger_velocity / SAMPLE)) + 1)):
             first, second = (float(b + share * (a - b)) for a, b in zip(after, before, strict=True))
             cell.place_fingers(side, (first, second))
+            self._place_other(cell, float(share * distance / gripper.finger_velocity))
             self.lookout.look(cell, float(share * distance / gripper.finger_velocity), seen)
         self.openings[side] = after
+        if self.part is not None:
+            for t in np.arange(distance / gripper.finger_velocity, step.duration + SAMPLE, SAMPLE):
+                self._place_other(cell, float(t))
+                self.lookout.look(cell, float(t), seen)
         if closing and meant and takes(stage, number) and self.body.holder is None:
             self.body.take(side)
         elif self.body.holder == side and not closing:

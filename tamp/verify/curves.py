@@ -9,7 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from robots.spatial import Array
 from robots.workcell import ArmModel, Side
-from tamp.plan import Motion
+from tamp.plan import Meanwhile, Motion
 from tamp.verify.found import Kind
 
 SAMPLE = 0.002
@@ -63,6 +63,28 @@ def examine(step: Motion, side: Side, arm: ArmModel, q: Array) -> Curve:
     return Curve(
         times, positions, float((speeds / speed_limit).max()), float((rates / rate_limit).max()), tuple(faults)
     )
+
+
+def examine_part(part: Meanwhile, arm: ArmModel, q: Array, speed: Array, last: bool) -> Curve:
+    """The curve of an arm that moves while the other acts; it may go on in the next step.
+
+    Args:
+        part: What it does in this step.
+        arm: Its limits.
+        q: Where it is ``(7,)`` [rad].
+        speed: How fast it moves already ``(7,)`` [rad/s].
+        last: Whether it must be at rest at the end.
+    """
+    whole = Motion(
+        template="free", times=part.times, positions=part.positions, velocities=part.velocities, allowed=[], holder=None
+    )
+    curve = examine(whole, part.arm, arm, q)
+    faults = [fault for fault in curve.faults if fault[0] != "not_at_rest"]
+    if (off := np.abs(np.array(part.velocities[0]) - speed).max()) > REST:
+        faults.append(("jump", f"the {part.arm} arm would change its speed by {off:.6f} rad/s at once", part.begin))
+    if last and (moving := np.abs(np.array(part.velocities[-1])).max()) > REST:
+        faults.append(("not_at_rest", f"a joint of the {part.arm} arm moves at {moving:.6f} rad/s", part.end))
+    return Curve(curve.times, curve.positions, curve.velocity, curve.acceleration, tuple(faults))
 
 
 def _peaks(spline: CubicHermiteSpline) -> tuple[Array, Array]:

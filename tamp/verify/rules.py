@@ -66,7 +66,7 @@ RULES: dict[TaskType, dict[StageName, Rule]] = {
     "handover": PICK
     | {
         "present": Rule("assistant", "assistant", ("assistant",)),
-        "release": Rule("assistant", "assistant", ("assistant",)),
+        "release": Rule("assistant", "assistant", ("leaving assistant",)),
     },
 }
 

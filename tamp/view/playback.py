@@ -119,6 +119,8 @@ class Playback:
         q, share = dict(segment.q), inside / max(segment.step.duration, 1e-9)
         if segment.curve is not None:
             q[segment.arm] = segment.curve.at(inside)
+        if (part := segment.step.meanwhile) is not None:
+            q[part.arm] = part.trajectory().at(inside - part.begin)
         opening = {side: a + share * (b - a) for side, (a, b) in segment.opening.items()}
         return Moment(segment.stage, q, opening, self._object(segment, q))
 
@@ -152,6 +154,8 @@ class Playback:
                 opening = {side: last for side, (_, last) in segment.opening.items()}
                 if segment.curve is not None:
                     q = {**q, stage.arm: segment.curve.positions[-1]}
+                if step.meanwhile is not None:
+                    q = {**q, step.meanwhile.arm: np.array(step.meanwhile.positions[-1])}
                 T_world_object = self._object(segment, q)
 
     def _segment(
@@ -172,6 +176,8 @@ class Playback:
             curve = step.trajectory()
             if stage.name == "press" and step.template == "descend":
                 tilt = self._tilt(stage, curve.positions[-1], T_world_object)
+        if step.meanwhile is not None and step.meanwhile.opening is not None:
+            after[step.meanwhile.arm] = step.meanwhile.opening
         if step.holder is not None:
             held = self.arms[step.holder].hand(q[step.holder]).inverse() * T_world_object
         openings = {side: (opening[side], after[side]) for side in SIDES}

@@ -92,7 +92,7 @@ class Recorder:
     def frame(self, caption: str) -> None:
         """Take a frame from both viewpoints."""
         self._next = max(self._next + 1.0 / FRAME_RATE, self._world.time)
-        views = np.concatenate([render(self._world, camera, shadows=False).rgb for camera in self._cameras], axis=1)
+        views = np.concatenate([render(self._world, camera).rgb for camera in self._cameras], axis=1)
         frame = _captioned(views, f"{self._world.time:5.1f} s   {caption}")
         self._frames.append(frame)
         self._writer.append_data(frame)

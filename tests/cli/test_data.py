@@ -18,8 +18,8 @@ COLLECT = ("collect", "--categories", "Bottle", "--successes", "2", "--failures"
 def stubbed(*words: str) -> subprocess.CompletedProcess[str]:
     """The command with episodes that take milliseconds."""
     script = (
-        "import sys\nimport tamp.episode\nfrom tests.tamp.data.stubs import episode\n"
-        "tamp.episode.record_episode = episode\nfrom tamp.cli import main\n"
+        "import sys\nimport tamp.recording\nfrom tests.tamp.data.stubs import episode\n"
+        "tamp.recording.record_episode = episode\nfrom tamp.cli import main\n"
         f"sys.exit(main({list(words)!r}))\n"
     )
     return subprocess.run(

@@ -14,6 +14,7 @@ from planners.certify import Certificate, Uncertified, certify
 from planners.collision import CollisionWorld
 from planners.motion import GoalInCollision, JointPath, NoPath, OutOfLimits
 from planners.timing import retime
+from robots.errors import UnknownName
 from robots.model import DualArm
 from robots.spatial import Array, angle_between, pose
 from robots.trajectory import Trajectory
@@ -181,3 +182,36 @@ def test_a_curve_over_a_limit_is_not_certified(workcell: Workcell, world: Collis
     assert isinstance(refused, Uncertified)
     assert "panda_joint2 reaches" in refused.reason
     assert "limit" in refused.reason
+
+
+def test_no_certified_curve_comes_closer_than_it_may_between_samples(
+    workcell: Workcell, world: CollisionWorld, arms: DualArm
+) -> None:
+    """Random slow curves, looked at 40 times finer than a planner would."""
+    arm, model, other = arms["left"], workcell.arm("left"), arms["right"].home
+    rng, said = np.random.default_rng(3), set()
+    for state in free_states(world, arms, 21, 12):
+        goal = np.clip(state + rng.normal(size=7) * 0.25, arm.lower, arm.upper)
+        curve = Trajectory(np.array([0.0, 4.0]), np.array([state, goal]), np.zeros((2, 7)))
+        found = certify(world, arm, model, curve, other)
+        said.add(type(found))
+        positions = curve.sample(np.linspace(0.0, 4.0, 400))[0]
+        closest = min(world.clearance(np.concatenate([q, other]))[0] for q in positions)
+        if isinstance(found, Certificate):
+            assert closest > 0.5 * world.margin - 1e-9
+            assert found.min_clearance >= closest - 1e-3
+        else:
+            assert found.contact is not None
+            assert closest < 0.5 * world.margin + 1e-4
+    assert said == {Certificate, Uncertified}
+
+
+@pytest.mark.parametrize("planner", ["RRTConnect", "RRTstar"])
+def test_other_planners_by_name_use_the_same_proofs(world: CollisionWorld, arms: DualArm, planner: str) -> None:
+    start, goal = free_states(world, arms, 5, 2)
+    path = motion.plan(world, arms["left"], start, goal[None, :], arms["right"].home, seed=1, planner=planner)
+    assert isinstance(path, JointPath)
+    proofs = world.motion(["left"], np.concatenate([start, arms["right"].home]))
+    assert proofs.path(path.points, 0.6 * world.margin)[1] == 2
+    with pytest.raises(UnknownName, match="tree"):
+        motion.plan(world, arms["left"], start, goal[None, :], arms["right"].home, seed=1, planner="fastest")

@@ -36,12 +36,6 @@ def phone(tmp_path_factory: pytest.TempPathFactory) -> Made:
 
 
 @pytest.fixture(scope="session")
-def bowl(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    """A bowl that is only planned (edge push, from behind)."""
-    return made(tmp_path_factory, "Bowl", 2, execute=False)
-
-
-@pytest.fixture(scope="session")
 def plate(tmp_path_factory: pytest.TempPathFactory) -> Made:
     """A plate that is only planned (plate lift)."""
     return made(tmp_path_factory, "Plate", 0, execute=False)

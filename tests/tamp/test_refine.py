@@ -216,7 +216,7 @@ def test_the_planner_is_handed_no_privileged_geometry() -> None:
     """Besides the proposer, nothing on the road from observation to plan imports the door to the truth."""
     texts = sources("robots", "planners", "affordance", "tamp")
     users = {path for path, text in texts.items() if "worlds.labels" in imported(text)}
-    assert users == {"affordance/heuristic.py", "tamp/episode.py", "tamp/verify/check.py"}
+    assert users == {"affordance/heuristic.py", "tamp/episode.py", "tamp/recording.py", "tamp/verify/check.py"}
 
 
 def test_only_execution_verifier_and_record_read_where_the_simulator_has_the_object() -> None:

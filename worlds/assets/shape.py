@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import pinocchio as pin
 
 from robots.spatial import Array, frozen, points
 from worlds.assets.asset import Asset
 from worlds.assets.solids import hull
+
+REMEMBERED = 8
+"""Objects whose pieces and surface a process remembers: an episode asks for them several times."""
 
 
 def collision_vertices(asset: Asset) -> dict[str, Array]:
@@ -17,6 +22,25 @@ def collision_vertices(asset: Asset) -> dict[str, Array]:
 
 def collision_pieces(asset: Asset) -> dict[str, list[Array]]:
     """Vertices ``(k, 3)`` of every convex piece, by link, at the joints' start, in the body frame [m]."""
+    return {link: list(pieces) for link, pieces in _pieces(_Known(asset)).items()}
+
+
+class _Known:
+    """An asset as a key: two with the same content have the same shape."""
+
+    def __init__(self, asset: Asset) -> None:
+        self.asset = asset
+
+    def __hash__(self) -> int:
+        return hash(self.asset.content_hash)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Known) and self.asset.content_hash == other.asset.content_hash
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _pieces(known: _Known) -> dict[str, tuple[Array, ...]]:
+    asset = known.asset
     model = pin.buildModelFromUrdf(str(asset.urdf))
     geometry = pin.buildGeomFromUrdf(model, str(asset.urdf), pin.GeometryType.COLLISION)
     q = pin.neutral(model)
@@ -24,11 +48,11 @@ def collision_pieces(asset: Asset) -> dict[str, list[Array]]:
         _set_joint(model, q, name, joint.start)
     data = model.createData()
     pin.forwardKinematics(model, data, q)
-    found: dict[str, list[Array]] = {}
+    found: dict[str, tuple[Array, ...]] = {}
     for shape in geometry.geometryObjects:
         link = str(model.frames[shape.parentFrame].name)
         moved = points(data.oMi[shape.parentJoint] * shape.placement, _corners(shape.geometry))
-        found.setdefault(link, []).append(moved)
+        found[link] = (*found.get(link, ()), frozen(moved))
     return found
 
 
@@ -38,9 +62,14 @@ def surface(asset: Asset, spacing: float = 0.003) -> dict[str, tuple[Array, Arra
     In the body frame with the joints at their start, about ``spacing`` [m] apart. Faces between touching pieces are
     included.
     """
+    return dict(_surface(_Known(asset), spacing))
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _surface(known: _Known, spacing: float) -> dict[str, tuple[Array, Array]]:
     rng = np.random.default_rng(0)
     found: dict[str, tuple[Array, Array]] = {}
-    for link, pieces in collision_pieces(asset).items():
+    for link, pieces in _pieces(known).items():
         spots, normals = [], []
         for vertices in pieces:
             mesh = hull(vertices)

@@ -47,7 +47,9 @@ class Client:
             self._bullet = BulletClient(pybullet.DIRECT)
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._bullet, name)
+        found = getattr(self._bullet, name)
+        self.__dict__[name] = found  # looked up once: a step asks for a dozen of them
+        return found
 
     def close(self) -> None:
         """End the server; closing twice does nothing."""

@@ -10,8 +10,17 @@ from worlds.bullet.world import BulletWorld
 from worlds.camera import Image
 
 
-def render(world: BulletWorld, camera: Camera, *, shadows: bool = True) -> Image:
-    """One image by PyBullet's software renderer; no display is needed. Without shadows it takes half the time."""
+def render(world: BulletWorld, camera: Camera) -> Image:
+    """What a camera sees now; asked again before anything has moved, the same image.
+
+    By PyBullet's software renderer, so no display is needed, and without shadows: they double the time.
+    """
+    if camera not in world.images:
+        world.images[camera] = _rendered(world, camera)
+    return world.images[camera]
+
+
+def _rendered(world: BulletWorld, camera: Camera) -> Image:
     client = world.client
     near, far = physics.CAMERA_NEAR, physics.CAMERA_FAR
     view = client.computeViewMatrix(camera.eye, camera.target, camera.up)
@@ -22,7 +31,7 @@ def render(world: BulletWorld, camera: Camera, *, shadows: bool = True) -> Image
         view,
         projection,
         renderer=client.ER_TINY_RENDERER,
-        shadow=int(shadows),
+        shadow=0,
         flags=client.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
         lightDirection=[0.4, -0.6, 1.5],
     )

@@ -10,11 +10,12 @@ import pinocchio as pin
 from robots.errors import SimulationDiverged
 from robots.model import arm_urdf_file
 from robots.spatial import Array, points, pose
-from robots.workcell import SIDES, Side, Workcell
+from robots.workcell import SIDES, Camera, Side, Workcell
 from worlds import physics
 from worlds.assets.asset import Asset
 from worlds.assets.shape import collision_vertices
 from worlds.bullet.client import Client, bullet_pose, from_bullet, joint_numbers
+from worlds.camera import Image
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +57,13 @@ class BulletWorld:
         workcell: What stands in the cell.
         asset: The object.
         time: Simulated time since construction [s].
+        images: What each camera saw since anything last moved.
     """
 
     def __init__(self, workcell: Workcell, asset: Asset) -> None:
         self.workcell, self.asset = workcell, asset
         self.time = 0.0
+        self.images: dict[Camera, Image] = {}
         self._vertices: Array | None = None
         self.client = client = Client()
         client.setPhysicsEngineParameter(
@@ -119,6 +122,7 @@ class BulletWorld:
 
     def put_arm(self, side: Side, q: Array, opening: float) -> None:
         """Set one arm's joints ``(7,)`` [rad] and finger opening [m] before an episode begins; nothing moves there."""
+        self.images.clear()
         arm = self.arms[side]
         for joint, value in zip(arm.joints, q, strict=True):
             self.client.resetJointState(arm.body, joint, float(value))
@@ -159,6 +163,7 @@ class BulletWorld:
 
     def put_object(self, T_world_body: pin.SE3) -> None:
         """Place the object's body link before an episode begins, at rest and with its joints at their start."""
+        self.images.clear()
         info = self.client.getDynamicsInfo(self.object, -1)
         T_body_inertia = from_bullet(info[3], info[4])
         self.client.resetBasePositionAndOrientation(self.object, *bullet_pose(T_world_body * T_body_inertia))
@@ -258,6 +263,7 @@ class BulletWorld:
 
     def step(self) -> None:
         """Advance by one step; ``SimulationDiverged`` when the object's state is no longer finite."""
+        self.images.clear()
         self.client.stepSimulation()
         self.time += physics.STEP
         position = self.client.getBasePositionAndOrientation(self.object)[0]

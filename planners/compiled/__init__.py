@@ -1,0 +1,1 @@
+"""Compiled proofs that cells of joint space are free: kinematics, sphere covers, separating axes, trees, shortcuts."""
