@@ -19,6 +19,7 @@ from torch import Tensor
 
 from affordance.networks import Model
 from affordance.settings import Settings
+from affordance.text import Backend
 from robots.cache import write_atomic
 from robots.errors import BadInput, MissingDependency
 
@@ -39,7 +40,7 @@ class Header(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     format: str
     version: int
     settings: Settings
-    text_backend: str
+    text_backend: Backend
     """Through which instructions must be given."""
     step: int
     """Of training."""
@@ -69,13 +70,13 @@ class Checkpoint:
     """
 
     model: Model
-    text_backend: str
+    text_backend: Backend
     step: int
     versions: Mapping[str, str]
     extra: Mapping[str, Tensor] = field(default_factory=dict)
 
 
-def save(path: Path, model: Model, text_backend: str, step: int, extra: Mapping[str, Tensor] | None = None) -> Path:
+def save(path: Path, model: Model, text_backend: Backend, step: int, extra: Mapping[str, Tensor] | None = None) -> Path:
     """Write a model; the file is either absent, old or complete.
 
     Args:

@@ -14,6 +14,7 @@ from torch.nn import functional
 from affordance.flow import Flow
 from affordance.frames import CODE, code_of, flipped, rotation_of
 from affordance.heads import CVAE, Head, drawn
+from affordance.networks import WIDEST
 from affordance.settings import Losses, Weights
 
 CLAMP = 1e-6
@@ -29,6 +30,9 @@ class Parts:
         orientation_pre: Of the assistant's hand.
         pose_object: Of the object's motion.
         pose_hand: Of the holding hand's motion.
+        opening_goal: Of how wide the primary's fingers are open.
+        opening_pre: Of how wide the assistant's are.
+        push: Of where a push goes.
         affordance_goal: Of the primary's map.
         affordance_pre: Of the assistant's map.
         critic_goal: Of the judge of primary actions.
@@ -41,6 +45,9 @@ class Parts:
     orientation_pre: Tensor
     pose_object: Tensor
     pose_hand: Tensor
+    opening_goal: Tensor
+    opening_pre: Tensor
+    push: Tensor
     affordance_goal: Tensor
     affordance_pre: Tensor
     critic_goal: Tensor
@@ -54,6 +61,8 @@ def total(parts: Parts, losses: Losses) -> Tensor:
     kinds = {
         "orientation": losses.w_orientation,
         "pose": losses.w_pose,
+        "opening": losses.w_opening,
+        "push": losses.w_push,
         "affordance": losses.w_affordance,
         "critic": losses.w_critic,
         "feasibility": losses.w_feasibility,
@@ -152,6 +161,24 @@ def pose_loss(
     angle = geodesic(rotation_of(out[..., :CODE]), rotation_of(move_true[..., :CODE]), losses.geodesic)
     shift = (out[..., CODE:] - move_true[..., CODE:]).abs().mean(-1)
     return _weighted(angle, shift, kl, mask, losses.pose, losses, step)
+
+
+def opening_loss(opening: Tensor, true: Tensor, mask: Tensor) -> Tensor:
+    """Mean absolute error of openings ``(...)`` [m], as a share of the widest."""
+    return masked_mean((opening - true).abs(), mask) / WIDEST
+
+
+def push_loss(heading: Tensor, length: Tensor, heading_true: Tensor, length_true: Tensor, mask: Tensor) -> Tensor:
+    """Error of pushes: one less the cosine between headings ``(..., 2)``, and that of the length in units of ``SCALE``.
+
+    Args:
+        heading: Unit vectors.
+        length: ``(...)``.
+        heading_true: Unit vectors.
+        length_true: ``(...)``.
+        mask: ``(...)`` rows that were pushes and successes.
+    """
+    return masked_mean(1.0 - (heading * heading_true).sum(-1) + (length - length_true).abs(), mask)
 
 
 def affordance_loss(scores: Tensor, targets: Tensor, mask: Tensor) -> Tensor:

@@ -21,10 +21,10 @@ WIDEST = 0.04
 """Largest opening of one finger [m]: the Franka hand's."""
 
 ANY_ORIENTATION = (0.0,) * CODE
-"""A contact's orientation is drawn from nothing ..."""
+"""Orientations at a contact are drawn around no one in particular."""
 
 NO_MOVE = (*IDENTITY, 0.0, 0.0, 0.0)
-"""... a motion as what it adds to staying."""
+"""Motions are drawn around staying where one is."""
 
 
 class Contact(nn.Module):

@@ -50,6 +50,8 @@ class Losses(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Of the object's motion and the hand's."""
     w_orientation: float = 1.0
     w_pose: float = 1.0
+    w_opening: float = 1.0
+    w_push: float = 1.0
     w_affordance: float = 1.0
     w_critic: float = 1.0
     w_feasibility: float = 1.0

@@ -86,7 +86,7 @@ class TextEncoder(Protocol):
     """Anything that embeds instructions."""
 
     @property
-    def name(self) -> str:
+    def name(self) -> Backend:
         """What a checkpoint records; a model must be asked through the encoder it was trained with."""
 
     def encode(self, texts: Sequence[str]) -> Vectors:
@@ -96,7 +96,7 @@ class TextEncoder(Protocol):
 class HashText:
     """Words and the letters in them, each added to a place with a sign, both decided by a hash."""
 
-    name = "hash"
+    name: Backend = "hash"
 
     def encode(self, texts: Sequence[str]) -> Vectors:
         """``(B, 512)`` vectors of length one; ``BadInput`` for a text without a letter or digit."""
@@ -106,7 +106,7 @@ class HashText:
 class ClipText:
     """The text tower of a CLIP model, read from a local folder in the layout of ``transformers``."""
 
-    name = "clip"
+    name: Backend = "clip"
 
     def __init__(self, folder: Path) -> None:
         """Load it.

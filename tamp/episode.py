@@ -15,7 +15,6 @@ from msgspec import Struct
 from affordance.candidates import Proposer
 from affordance.heuristic import HeuristicProposer
 from affordance.uniform import UniformProposer
-from planners import timing
 from robots.cache import write_atomic
 from robots.errors import BadInput, BadRunFolder, UnknownName
 from robots.model import DualArm
@@ -29,7 +28,7 @@ from tamp.execute import Camera, Checked, Moment, Outcome, execute
 from tamp.folder import OUTCOME_FILE
 from tamp.plan import Plan, Role, StageName
 from tamp.refine import ONE_SHOT, Budget
-from tamp.rounds import SILENT, Round, Subject, Watch
+from tamp.rounds import SILENT, Round, Subject, Watch, ready_cell
 from tamp.trace import Failure, TraceStatus
 from worlds import observe, scene
 from worlds.assets import library
@@ -202,8 +201,8 @@ def opened(request: Request, watch: Watch = SILENT) -> Iterator[tuple[Episode, B
     if task.type == "handover" and workcell.human is None:
         raise BadInput(f"{task.category} needs a workcell with a [human] table; {workcell.name} has none.")
     watch.begin("world")
-    timing.load()
     asset = _asset(request, task)
+    subject = subject_of(request, task, workcell, asset)
     with scene.build(workcell, asset, request.seed) as world:
         watch.begin("observe")
         observation = looked(world)
@@ -211,7 +210,6 @@ def opened(request: Request, watch: Watch = SILENT) -> Iterator[tuple[Episode, B
         name = f"{request.category}-{source}-{asset.instance}-seed{request.seed}"
         folder = run_folder.prepared(request.out, name)
         observe.save(observation, folder)
-        subject = subject_of(request, task, workcell, asset)
         episode = Episode(request, task, asset, folder)
         episode.rounds.append(Round(subject, observation, folder))
         yield episode, world, subject
@@ -222,7 +220,8 @@ def subject_of(request: Request, task: Task, workcell: Workcell, asset: Asset) -
     budget = ONE_SHOT if request.mode == "E1" else Budget()
     budget = replace(budget, seconds=request.timeout)
     arms, pushes = DualArm(workcell), 1 if request.mode == "E1" else request.max_pushes
-    return Subject(task, workcell, arms, asset, request.seed, request.proposer, budget, pushes, request.overlap)
+    cell = ready_cell(workcell, arms)
+    return Subject(task, workcell, arms, asset, request.seed, request.proposer, budget, pushes, request.overlap, cell)
 
 
 def run(

@@ -10,6 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from affordance.candidates import GoalCandidate, Proposer, SceneView
+from planners import motion as free_motion
+from planners import timing
 from planners.collision import CollisionWorld
 from planners.hulls import observed_hulls
 from robots.model import DualArm
@@ -69,6 +71,7 @@ class Subject:
         budget: How many candidates are tried.
         pushes: How often the object may be pushed.
         overlap: Whether one arm may already move to where it acts next while the other still acts.
+        collisions: The planner's model of the cell; every round puts what it sees into it.
     """
 
     task: Task
@@ -79,7 +82,8 @@ class Subject:
     proposer: str
     budget: Budget
     pushes: int
-    overlap: bool = True
+    overlap: bool
+    collisions: CollisionWorld
 
 
 @dataclass
@@ -196,13 +200,22 @@ class Round:
         )
 
 
+def ready_cell(workcell: Workcell, arms: DualArm) -> CollisionWorld:
+    """The planner's model of a cell without an object, everything that it needs loaded: one small motion is planned."""
+    collisions = CollisionWorld(workcell)
+    timing.load()
+    goal = arms["left"].home + 0.01
+    free_motion.plan(collisions, arms["left"], arms["left"].home, goal[None, :], arms["right"].home, seed=0)
+    return collisions
+
+
 def _operation(goal: GoalCandidate) -> Operation:
     return Operation(kind=goal.kind, amount=goal.amount)
 
 
 def _search(subject: Subject, view: SceneView, T_world_object: pin.SE3, proposer: Proposer, seed: int) -> Search:
     """A search that knows the observation, the workcell and what the proposer says, and nothing else."""
-    workcell, collisions = view.workcell, CollisionWorld(view.workcell)
+    workcell, collisions = view.workcell, subject.collisions
     hulls = observed_hulls(view.cloud, workcell.table.top)
     collisions.set_object([hull - T_world_object.translation for hull in hulls])
     cell = Cell(workcell, subject.arms, collisions, view.cloud - T_world_object.translation, T_world_object)

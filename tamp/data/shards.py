@@ -41,7 +41,10 @@ FORMAT, VERSION = "bipremanip-data", 1
 NAME = re.compile(r"shard-(\d{5,})-([0-9a-f]{12})\.h5")
 
 COMPRESSION = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
-"""Of clouds, which are most of a shard."""
+"""Of clouds and rejections, which are most of a shard."""
+
+SHORT = 16
+"""Rows below which compression costs more than it saves."""
 
 SCALARS = ("seed", "category", "instance", "source", "content_hash", "split", "task_type", "instruction", "proposer")
 ACTION_WORDS, ACTION_NUMBERS = ("stage", "arm", "role"), ("amount", "opening", "score")
@@ -133,8 +136,7 @@ def _put(group: Any, recorded: Recorded) -> None:
         where = group.create_group(f"clouds/{moment}")
         where.attrs["link_names"] = list(cloud.link_names)
         for name in ("points", "normals", "links"):
-            array = getattr(cloud, name)
-            where.create_dataset(name, data=array, **(COMPRESSION if len(array) else {}))
+            _put_array(where, name, getattr(cloud, name))
     for moment, poses in recorded.link_poses.items():
         stack = np.array(list(poses.values()), dtype=np.float64).reshape(-1, 4, 4)
         group.create_dataset(f"poses/{moment}", data=stack).attrs["link_names"] = list(poses)
@@ -156,19 +158,26 @@ def _put_rejections(group: Any, rejections: tuple[Rejection, ...]) -> None:
     for name in REJECTION_WORDS:
         _put_words(group, name, [getattr(rejection, name) for rejection in rejections])
     for name in REJECTION_COUNTS:
-        group.create_dataset(name, data=np.array([getattr(r, name) for r in rejections], dtype=np.int32))
+        _put_array(group, name, np.array([getattr(r, name) for r in rejections], dtype=np.int32))
     amounts = [np.nan if r.amount is None else r.amount for r in rejections]
     poses = [np.full(16, np.nan) if r.approach is None else r.approach for r in rejections]
     checks = [check_labels(r.cause) for r in rejections]
-    group.create_dataset("amount", data=np.array(amounts, dtype=np.float64))
-    group.create_dataset("T_world_hand", data=np.array(poses, dtype=np.float64).reshape(-1, 4, 4))
-    group.create_dataset("checks", data=np.array(checks, dtype=np.int8).reshape(-1, len(CHECKS)))
+    _put_array(group, "amount", np.array(amounts, dtype=np.float64))
+    _put_array(group, "T_world_hand", np.array(poses, dtype=np.float64).reshape(-1, 4, 4))
+    _put_array(group, "checks", np.array(checks, dtype=np.int8).reshape(-1, len(CHECKS)))
     for k, name in enumerate(("body", "other_body")):
         _put_words(group, name, ["" if r.bodies is None else r.bodies[k] for r in rejections])
 
 
 def _put_words(group: Any, name: str, words: list[str]) -> None:
-    group.create_dataset(name, data=words, shape=(len(words),), dtype=require_h5py().string_dtype())
+    """Words of one length, padded: unlike words of any length they can be compressed."""
+    encoded = [word.encode() for word in words]
+    kind = require_h5py().string_dtype(length=max([1, *map(len, encoded)]))
+    group.create_dataset(name, data=np.array(encoded, dtype=kind), **(COMPRESSION if len(words) >= SHORT else {}))
+
+
+def _put_array(group: Any, name: str, array: Any) -> None:
+    group.create_dataset(name, data=array, **(COMPRESSION if len(array) >= SHORT else {}))
 
 
 # -- reading -----------------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +14,7 @@ from planners.motion import JointPath
 from robots.model import DualArm
 from robots.spatial import Array, points
 from robots.workcell import Side, Workcell, other
-from tamp.drafts import Reject, Setting, Situation, Squeeze
+from tamp.drafts import Draft, Reject, Setting, Situation, Squeeze
 from tamp.plan import Pair
 from worlds import physics
 
@@ -107,6 +107,26 @@ class Cell:
         if isinstance(solved, ik.Missed):
             return Reject("unreachable", f"{side} hand at {what} is {solved}", amount=solved.gap)
         return list(solved.solutions)
+
+    def first_working(
+        self,
+        side: Side,
+        T_world_hand: pin.SE3,
+        rng: np.random.Generator,
+        what: str,
+        attempt: Callable[[Array], list[Draft] | Reject],
+    ) -> list[Draft] | Reject:
+        """What ``attempt`` makes of the first joint solution with which it works, or its last refusal."""
+        solved = self.solutions(side, T_world_hand, rng, [self.arms[side].home], what)
+        if isinstance(solved, Reject):
+            return solved
+        last = Reject("proposal", "no joint solution was tried")
+        for q in solved:
+            drafts = attempt(q)
+            if not isinstance(drafts, Reject):
+                return drafts
+            last = drafts
+        return last
 
     def approach(
         self, setting: Setting, side: Side, q: Array, situation: Situation, length: float = APPROACH

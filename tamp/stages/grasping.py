@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -41,20 +42,12 @@ def take(
     """Grasp, the assistant's release where it still presses, and lift."""
     if refused := swept_clear(cell, situation, goal):
         return refused
-    solved = cell.solutions(side, goal.T_world_hand, rng, [cell.arms[side].home], "the edge")
-    if isinstance(solved, Reject):
-        return solved
-    last = Reject("proposal", "no joint solution was tried")
-    for q in solved:
-        drafts = _with(cell, situation, side, goal, q, release)
-        if not isinstance(drafts, Reject):
-            return drafts
-        last = drafts
-    return last
+    attempt = partial(_with, cell, situation, side, goal, release)
+    return cell.first_working(side, goal.T_world_hand, rng, "the edge", attempt)
 
 
 def _with(
-    cell: Cell, situation: Situation, side: Side, goal: GoalCandidate, q: Array, release: bool
+    cell: Cell, situation: Situation, side: Side, goal: GoalCandidate, release: bool, q: Array
 ) -> list[Draft] | Reject:
     mine = touching(cell.workcell, side)
     around = situation.setting(openings={side: goal.opening}, allowed=ON_TABLE, ignored=mine)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 
 from affordance.candidates import PoseCandidate, PregraspCandidate
+from robots.spatial import Array
 from robots.workcell import Side
 from tamp.drafts import Draft, Leg, Pause, Reject, Situation, Squeeze, Step
 from tamp.stages.cell import (
@@ -39,10 +41,12 @@ def hold(
     cell: Cell, situation: Situation, side: Side, candidate: PregraspCandidate, rng: np.random.Generator
 ) -> list[Draft] | Reject:
     """Pre-grasp and lift: whether an arm can approach, close and lift straight up."""
+    attempt = partial(_held, cell, situation, side, candidate)
+    return cell.first_working(side, candidate.T_world_hand, rng, "the grasp", attempt)
+
+
+def _held(cell: Cell, situation: Situation, side: Side, candidate: PregraspCandidate, q: Array) -> list[Draft] | Reject:
     around = situation.setting(openings={side: candidate.opening}, allowed=ON_TABLE)
-    solved = cell.solutions(side, candidate.T_world_hand, rng, [cell.arms[side].home], "the grasp")
-    if isinstance(solved, Reject):
-        return solved
     T_hand_object = candidate.T_world_hand.inverse() * situation.T_object
     opening = cell.closed_opening(T_hand_object, candidate.opening)
     mine = touching(cell.workcell, side)
@@ -50,29 +54,23 @@ def hold(
         situation, holder=side, T_object=T_hand_object, openings={**situation.openings, side: opening}, touching=mine
     )
     lifting = held.setting(allowed=ON_TABLE)
-    last = Reject("proposal", "no joint solution was tried")
-    for q in solved:
-        way = cell.approach(around, side, q, situation)
-        if isinstance(way, Reject):
-            last = way
-            continue
-        up = cell.line(lifting, side, q, raised(candidate.T_world_hand, LIFT), situation, "lift")
-        if isinstance(up, Reject):
-            last = up.at("lift")
-            continue
-        grasped = held.moved(side, q)
-        lifted = held.moved(side, up.points[-1])
-        steps: tuple[Step, ...] = (
-            *cell.ready(side, candidate.opening, situation, ()),
-            Leg(side, "free", way.points[0], FREE_SPEED, around),
-            Leg(side, "approach", way, CONTACT_SPEED, around),
-            closing(side, (*mine, *ON_TABLE), side),
-        )
-        return [
-            Draft("pregrasp", side, "assistant", steps, situation, grasped, candidate.score),
-            Draft("lift", side, "assistant", (Leg(side, "lift", up, CONTACT_SPEED, lifting),), grasped, lifted),
-        ]
-    return last
+    way = cell.approach(around, side, q, situation)
+    if isinstance(way, Reject):
+        return way
+    up = cell.line(lifting, side, q, raised(candidate.T_world_hand, LIFT), situation, "lift")
+    if isinstance(up, Reject):
+        return up.at("lift")
+    grasped, lifted = held.moved(side, q), held.moved(side, up.points[-1])
+    steps: tuple[Step, ...] = (
+        *cell.ready(side, candidate.opening, situation, ()),
+        Leg(side, "free", way.points[0], FREE_SPEED, around),
+        Leg(side, "approach", way, CONTACT_SPEED, around),
+        closing(side, (*mine, *ON_TABLE), side),
+    )
+    return [
+        Draft("pregrasp", side, "assistant", steps, situation, grasped, candidate.score),
+        Draft("lift", side, "assistant", (Leg(side, "lift", up, CONTACT_SPEED, lifting),), grasped, lifted),
+    ]
 
 
 def bring(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pinocchio as pin
 
@@ -50,17 +52,8 @@ def act(
     T_contact = goal.T_world_hand
     if goal.kind == "press":
         T_contact = drawn_back(T_contact, STANDOFF)
-    home = cell.arms[side].home
-    solved = cell.solutions(side, T_contact, rng, [home], "the part")
-    if isinstance(solved, Reject):
-        return solved
-    last = Reject("proposal", "no joint solution was tried")
-    for q in solved:
-        drafts = _with(cell, situation, side, goal, T_contact, q)
-        if not isinstance(drafts, Reject):
-            return drafts
-        last = drafts
-    return last
+    attempt = partial(_with, cell, situation, side, goal, T_contact)
+    return cell.first_working(side, T_contact, rng, "the part", attempt)
 
 
 def _with(

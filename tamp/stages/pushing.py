@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -43,16 +44,8 @@ def push(
     cell: Cell, situation: Situation, side: Side, candidate: ContactCandidate, rng: np.random.Generator
 ) -> list[Draft] | Reject:
     """Push and retreat: down onto the object, along the table with it, up and home."""
-    solved = cell.solutions(side, candidate.T_world_hand, rng, [cell.arms[side].home], "the push")
-    if isinstance(solved, Reject):
-        return solved
-    last = Reject("proposal", "no joint solution was tried")
-    for q in solved:
-        drafts = _pushed(cell, situation, side, candidate, q)
-        if not isinstance(drafts, Reject):
-            return drafts
-        last = drafts
-    return last
+    attempt = partial(_pushed, cell, situation, side, candidate)
+    return cell.first_working(side, candidate.T_world_hand, rng, "the push", attempt)
 
 
 def _pushed(
@@ -127,36 +120,36 @@ def press(
     cell: Cell, situation: Situation, side: Side, candidate: ContactCandidate, rng: np.random.Generator
 ) -> list[Draft] | Reject:
     """Press: down onto one side of the object and on, until it resists."""
-    solved = cell.solutions(side, candidate.T_world_hand, rng, [cell.arms[side].home], "the press")
-    if isinstance(solved, Reject):
-        return solved
+    attempt = partial(_pressed, cell, situation, side, candidate)
+    return cell.first_working(side, candidate.T_world_hand, rng, "the press", attempt)
+
+
+def _pressed(
+    cell: Cell, situation: Situation, side: Side, candidate: ContactCandidate, q: Array
+) -> list[Draft] | Reject:
     mine = touching(cell.workcell, side)
     near = situation.setting(openings={side: candidate.opening}, allowed=ON_TABLE)
     contact = situation.setting(openings={side: candidate.opening}, allowed=(*ON_TABLE, *mine))
-    last = Reject("proposal", "no joint solution was tried")
-    for q in solved:
-        down = _descent(cell, situation, side, candidate, q, -float(candidate.travel[2]))
-        if isinstance(down, Reject):
-            last = down
-            continue
-        hover, descend, _ = down
-        end = descend.points[-1]
-        after = replace(
-            situation,
-            T_object=candidate.T_move * situation.T_object,
-            openings={**situation.openings, side: candidate.opening},
-            touching=mine,
-            q={**situation.q, side: end},
-            view=situation.view.moved(candidate.T_move, cell.hand_points(side, cell.arms[side].hand(end))),
-        )
-        steps: tuple[Step, ...] = (
-            *cell.ready(side, candidate.opening, situation, ON_TABLE),
-            Leg(side, "free", hover.points[0], FREE_SPEED, near),
-            Leg(side, "approach", hover, CONTACT_SPEED, near),
-            Leg(side, "descend", descend, DESCEND_SPEED, contact, guard=PRESS_FORCE),
-        )
-        return [Draft("press", side, "assistant", steps, situation, after, candidate.score)]
-    return last
+    down = _descent(cell, situation, side, candidate, q, -float(candidate.travel[2]))
+    if isinstance(down, Reject):
+        return down
+    hover, descend, _ = down
+    end = descend.points[-1]
+    after = replace(
+        situation,
+        T_object=candidate.T_move * situation.T_object,
+        openings={**situation.openings, side: candidate.opening},
+        touching=mine,
+        q={**situation.q, side: end},
+        view=situation.view.moved(candidate.T_move, cell.hand_points(side, cell.arms[side].hand(end))),
+    )
+    steps: tuple[Step, ...] = (
+        *cell.ready(side, candidate.opening, situation, ON_TABLE),
+        Leg(side, "free", hover.points[0], FREE_SPEED, near),
+        Leg(side, "approach", hover, CONTACT_SPEED, near),
+        Leg(side, "descend", descend, DESCEND_SPEED, contact, guard=PRESS_FORCE),
+    )
+    return [Draft("press", side, "assistant", steps, situation, after, candidate.score)]
 
 
 Ways = tuple[JointPath, JointPath, JointPath | None]

@@ -12,6 +12,9 @@ from affordance.frames import CHANNELS
 # Several threads that wait for each other on a busy machine take many times as long as one.
 torch.set_num_threads(1)
 
+# Warnings are errors here; without this, which test meets one depends on their order.
+torch.set_warn_always(True)
+
 
 def seeded(seed: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(seed)

@@ -24,14 +24,16 @@ from affordance.losses import (
     geodesic,
     hand_angle,
     masked_mean,
+    opening_loss,
     orientation_loss,
     pose_loss,
     prior_angles,
+    push_loss,
     relay_label,
     total,
     warmed,
 )
-from affordance.settings import PRESETS, Losses, losses_of
+from affordance.settings import PRESETS, losses_of
 from robots.errors import UnknownName
 from robots.spatial import angle_between
 from tests.affordance.clouds import rotations, seeded
@@ -120,10 +122,14 @@ def test_failed_rows_teach_no_orientation(kind: str) -> None:
     R = rotations(6).float()
     mask = torch.tensor([True, True, False, True, False, True])
     changed = torch.where(mask[:, None, None], R, rotations(6, seed=5).float())
-    found = [float(orientation_loss(head, condition, truth, mask, DEFAULT, 5000, seeded(3))) for truth in (R, changed)]
-    assert found[0] == found[1] > 0.0
-    everything = torch.ones(6, dtype=torch.bool)
-    assert float(orientation_loss(head, condition, changed, everything, DEFAULT, 5000, seeded(3))) != found[0]
+    every = torch.ones(6, dtype=torch.bool)
+    with torch.no_grad():
+        found, same, unmasked = (
+            float(orientation_loss(head, condition, truth, kept, DEFAULT, 5000, seeded(3)))
+            for truth, kept in ((R, mask), (changed, mask), (changed, every))
+        )
+    assert found == same > 0.0
+    assert unmasked != found
 
 
 def test_a_pose_loss_is_zero_only_at_the_answer() -> None:
@@ -146,10 +152,22 @@ def test_a_pose_loss_is_zero_only_at_the_answer() -> None:
     assert ten == pytest.approx(10 * math.pi, abs=2e-2)
 
 
+def test_openings_and_pushes_are_judged_on_a_common_scale() -> None:
+    mask = torch.tensor([True, False])
+    opening = torch.tensor([0.01, 0.0])
+    assert float(opening_loss(opening, torch.tensor([0.03, 0.04]), mask)) == pytest.approx(0.5)
+    ahead, aside = torch.tensor([[1.0, 0.0]] * 2), torch.tensor([[0.0, 1.0]] * 2)
+    length = torch.tensor([0.5, 0.5])
+    assert float(push_loss(ahead, length, ahead, length, mask)) == 0.0
+    assert float(push_loss(ahead, length, aside, length + 0.2, mask)) == pytest.approx(1.2)
+    assert float(push_loss(ahead, length, -ahead, length, mask)) == pytest.approx(2.0)
+
+
 def test_affordance_is_the_mean_of_the_best_judgements_and_teaches_no_critic() -> None:
     probability = torch.tensor([[0.9, 0.1, 0.5, 0.7], [0.2, 0.2, 0.2, 0.2]])
     logits = torch.logit(probability).requires_grad_()
     best = msgspec.structs.replace(DEFAULT, top=2)
+    assert not affordance_target(logits, best).requires_grad
     assert affordance_target(logits, best).tolist() == pytest.approx([0.8, 0.2])
     assert affordance_target(logits, PRESETS["sxy"]).tolist() == pytest.approx([0.55, 0.2])
     scores = torch.tensor([0.5, 0.5], requires_grad=True)
@@ -181,17 +199,11 @@ def test_a_preparation_is_worth_half_the_outcome_and_half_the_outlook() -> None:
 
 
 def test_the_total_weighs_every_part() -> None:
-    ones = Parts(*(torch.tensor(1.0) for _ in range(10)))
-    assert float(total(ones, DEFAULT)) == 10.0
-    assert float(total(ones, PRESETS["biassembly"])) == pytest.approx(4 + 5 * 0.01 + 1)
-    alone = Losses(
-        orientation=DEFAULT.orientation,
-        pose=DEFAULT.pose,
-        w_orientation=0.0,
-        w_pose=0.0,
-        w_critic=0.0,
-        w_feasibility=0.0,
-    )
+    ones = Parts(*(torch.tensor(1.0) for _ in range(13)))
+    assert float(total(ones, DEFAULT)) == 13.0
+    assert float(total(ones, PRESETS["biassembly"])) == pytest.approx(7 + 5 * 0.01 + 1)
+    off = dict.fromkeys(("w_orientation", "w_pose", "w_opening", "w_push", "w_critic", "w_feasibility"), 0.0)
+    alone = msgspec.structs.replace(DEFAULT, **off)
     assert float(total(ones, alone)) == 2.0
 
 
