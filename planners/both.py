@@ -10,6 +10,7 @@ import numpy as np
 from planners.collision import CollisionWorld
 from planners.compiled.cell import Motion
 from planners.compiled.layout import FREE
+from planners.given import numbers
 from planners.motion import (
     INSET,
     RANGE,
@@ -34,7 +35,7 @@ class BothPath:
     """Joint positions of both arms, joined by straight lines along which both move at once.
 
     Attributes:
-        points: ``(n, 14)`` [rad], left then right, ``n >= 2``.
+        points: ``(n, 14)`` [rad], left then right, ``n >= 2``; ``timing.retime_together`` times them.
     """
 
     points: Array
@@ -43,6 +44,7 @@ class BothPath:
         object.__setattr__(self, "points", frozen(self.points))
         if self.points.ndim != 2 or self.points.shape[0] < 2 or self.points.shape[1] != 14:
             raise ValueError(f"a path of both arms needs points (n, 14), n >= 2; got {self.points.shape}")
+        numbers(self.points, (-1, 14), "the points of a path of both arms")
 
     def of(self, side: Side) -> JointPath:
         """One arm's part of it."""
@@ -73,11 +75,7 @@ def plan_both(
     Returns:
         The path, from exactly ``start`` to exactly one of the goals, or why there is none.
     """
-    start, goals = np.asarray(start, dtype=np.float64), np.atleast_2d(np.asarray(goals, dtype=np.float64))
-    if start.shape != (14,) or goals.shape[1] != 14 or not len(goals):
-        raise ValueError(f"start must be (14,) and goals (m, 14), m >= 1; got {start.shape} and {goals.shape}")
-    if not (np.isfinite(start).all() and np.isfinite(goals).all()):
-        raise ValueError("start and goals must be finite")
+    start, goals = numbers(start, (14,), "the start"), numbers(np.atleast_2d(goals), (-1, 14), "the goals")
     if refused := _refused(world, arms, start, goals):
         return NoPath(refused)
     usable = [goal for goal in goals if _past(arms, "goal", goal) is None and world.free(goal)]

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from planners.clock import Beside, Clock
 from planners.collision import CollisionWorld, Contact
 from planners.compiled.cell import Motion
 from planners.compiled.layout import FREE, HIT
@@ -133,6 +134,33 @@ def certify_together(world: CollisionWorld, arms: DualArm, curve: Together) -> C
         found.append(ratios)
     velocity, acceleration = (max(pair) for pair in zip(*found, strict=True))
     return _free(world, SIDES, curve, times, (velocity, acceleration), lambda q: q)
+
+
+def certify_beside(
+    world: CollisionWorld, arm: ArmKinematics, beside: Beside, other_curve: Trajectory, since: float
+) -> Certificate | Uncertified:
+    """As ``certify``, of an arm's curve while the other arm follows its own, whose limits are not looked at again.
+
+    Proven is the time from ``since`` on the other's clock until both rest; before and after its curve an arm stands.
+
+    Args:
+        world: Collisions, set up as they will be during the motion.
+        arm: The arm.
+        beside: Its curve, and when it begins.
+        other_curve: The other arm's curve, from time 0 of its clock.
+        since: When the proof begins, at most when the arm's curve does [s].
+    """
+    ratios = _ratios(world.workcell.arm(arm.side), beside.trajectory)
+    if isinstance(ratios, Uncertified):
+        return ratios
+    clock = Clock(arm.side, beside, other_curve, since)
+    fastest = np.maximum(peaks(beside.trajectory)[0], peaks(other_curve)[0])
+    times = _times(fastest, clock.duration)
+    mine = slice(0, 7) if arm.side == "left" else slice(7, 14)
+    if past := _outside(arm, times, clock.sample(times)[0][:, mine]):
+        return Uncertified(past.time + since, past.reason, None)
+    found = _free(world, SIDES, clock, times, ratios, lambda q: q)
+    return found if isinstance(found, Certificate) else Uncertified(found.time + since, found.reason, found.contact)
 
 
 def _free(

@@ -10,7 +10,7 @@ from planners.collision import CollisionWorld, Contact
 from planners.compiled.layout import FREE
 from planners.given import numbers
 from planners.ompl_search import PLANNERS, search
-from planners.reasons import GoalOutOfReach, LoopOpen, Tilted
+from planners.reasons import GoalOutOfReach, LoopOpen, OtherInTheWay, Tilted
 from planners.shorten import SHORTCUTS, Free, rounded
 from robots.errors import UnknownName
 from robots.model import ArmKinematics
@@ -112,7 +112,16 @@ class Exhausted:
 class NoPath:
     """Why there is no path."""
 
-    reason: StartInCollision | GoalInCollision | OutOfLimits | Exhausted | Tilted | LoopOpen | GoalOutOfReach
+    reason: (
+        StartInCollision
+        | GoalInCollision
+        | OutOfLimits
+        | Exhausted
+        | Tilted
+        | LoopOpen
+        | GoalOutOfReach
+        | OtherInTheWay
+    )
 
     def __str__(self) -> str:
         return str(self.reason)

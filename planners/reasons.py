@@ -1,10 +1,12 @@
-"""Why a constrained motion of one arm, or of both with one object, does not exist."""
+"""Why a motion of one arm under a constraint or beside the other, or of both with one object, does not exist."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+
+from planners.collision import Contact
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,3 +65,21 @@ class GoalOutOfReach:
     def __str__(self) -> str:
         missed = f"{1e3 * self.gap:.1f} mm, {np.degrees(self.angle):.1f} deg"
         return f"with the object at its goal the {self.hand} hand is out of reach by {missed}"
+
+
+@dataclass(frozen=True, slots=True)
+class OtherInTheWay:
+    """Every motion that was tried meets the other arm, which moves as well.
+
+    Attributes:
+        time: When the motion that stayed free for longest meets it, on the other arm's clock [s].
+        contact: What meets then.
+        tried: Paths that were tried, each from many begins.
+    """
+
+    time: float
+    contact: Contact
+    tried: int
+
+    def __str__(self) -> str:
+        return f"the other arm is in the way of all {self.tried} paths tried; at {self.time:.2f} s {self.contact}"
