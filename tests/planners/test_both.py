@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from planners.both import BothPath, plan_both
+from planners.certify import Certificate, certify_together
 from planners.collision import CollisionWorld
 from planners.compiled.layout import FREE
 from planners.motion import GoalInCollision, NoPath, OutOfLimits, StartInCollision
+from planners.timing import Together, retime_together
 from robots.model import DualArm
 from robots.spatial import Array, pose
 from robots.workcell import SIDES, Workcell
@@ -29,14 +31,40 @@ def free_states(world: CollisionWorld, arms: DualArm, seed: int, count: int) -> 
     return found
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_path_of_both_joins_its_ends_and_is_free_everywhere(world: CollisionWorld, arms: DualArm, seed: int) -> None:
-    start, goal = free_states(world, arms, seed, 2)
-    path = plan_both(world, arms, start, goal[None], seed=seed)
-    assert isinstance(path, BothPath)
+@pytest.fixture(scope="module")
+def crowded(workcell: Workcell) -> CollisionWorld:
+    """Twelve boxes above the table."""
+    made, rng = CollisionWorld(workcell), np.random.default_rng(0)
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    middles = rng.uniform([-0.5, -0.5, 0.1], [0.5, 0.4, 0.8], (12, 3))
+    made.set_object([middle + signs * rng.uniform(0.02, 0.07, 3) for middle in middles])
+    made.place_object(pose((0.0, 0.0, 0.0)))
+    made.allow([("object", "table"), ("object", "floor")])
+    return made
+
+
+def test_paths_of_both_join_their_ends_are_free_and_keep_limits_when_timed(
+    crowded: CollisionWorld, arms: DualArm, workcell: Workcell
+) -> None:
+    corners, models = [], (workcell.arm("left"), workcell.arm("right"))
+    for seed in range(5):
+        start, goal = free_states(crowded, arms, seed, 2)
+        path = plan_both(crowded, arms, start, goal[None], seed=seed)
+        assert isinstance(path, BothPath)
+        corners.append(len(path.points) > 2)
+        judged(crowded, arms, path, start, goal, seed)
+        curve = retime_together(path.points, models)
+        assert isinstance(curve, Together)
+        proof = certify_together(crowded, arms, curve)
+        assert isinstance(proof, Certificate)
+        assert max(proof.max_velocity_ratio, proof.max_acceleration_ratio) <= 1.0 + 1e-9
+    assert sum(corners) > 2
+
+
+def judged(world: CollisionWorld, arms: DualArm, path: BothPath, start: Array, goal: Array, seed: int) -> None:
     assert np.array_equal(path.points[[0, -1]], [start, goal])
     for a, b in zip(path.points[:-1], path.points[1:], strict=True):
-        for share in np.linspace(0.0, 1.0, 8):
+        for share in np.linspace(0.0, 1.0, 6):
             assert world.clearance(a + share * (b - a))[0] > 0.0
     again = plan_both(world, arms, start, goal[None], seed=seed)
     assert isinstance(again, BothPath)
