@@ -1,23 +1,27 @@
 """How a plan gets shorter: while one arm still acts, the other already moves to where it acts next.
 
 A stage of the other arm that begins by shaping its fingers and moving freely can do both before its turn: as late as
-possible, or earlier where it would meet the acting arm, then waiting there. The curves stay what they were; only their
-times change, and both arms are checked together, a millisecond at a time, in the state in which they will be.
+possible, or earlier where it would meet the acting arm, then waiting there. The curves stay what they were and only
+their times change; where no time is free, a curve between the same ends is asked for that passes the acting arm. Both
+arms are checked together, a millisecond at a time, in the state in which they will be.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import replace as replaced
 
 import numpy as np
 from msgspec.structs import replace
 
+from planners.beside import plan_beside
+from planners.clock import Beside
 from robots.spatial import Array
 from robots.trajectory import Trajectory
 from robots.workcell import Side, other
 from tamp.drafts import Setting
 from tamp.plan import Await, Grip, Meanwhile, Motion, Stage
-from tamp.stages.cell import Cell
+from tamp.stages.cell import FREE_SPEED, HELD_SPEED, Cell
 from tamp.timeline import StagePlans
 
 STEP = 0.001
@@ -39,6 +43,7 @@ class _Way:
         stage: Number of its stage.
         steps: How many leading steps of the stage it replaces.
         curve: Standing while the fingers move, then the motion.
+        waited: How long it stands at first [s].
         opening: Opening to which the fingers move [m]; ``None`` where they need not.
     """
 
@@ -46,6 +51,7 @@ class _Way:
     stage: int
     steps: int
     curve: Trajectory
+    waited: float
     opening: float | None
 
 
@@ -80,6 +86,8 @@ def overlapped(cell: Cell, plans: StagePlans) -> list[Stage]:
             continue
         slots = _before(stages, plans.settings, number)
         begin = _latest(cell, way, slots)
+        if begin is None and (another := _another(cell, way, slots)) is not None:
+            way, begin = another, _latest(cell, another, slots)
         if begin is not None:
             stages = _moved(stages, way, slots, begin)
     return stages
@@ -95,15 +103,33 @@ def _leading(cell: Cell, stages: list[Stage], number: int) -> _Way | None:
     if not (isinstance(following, Motion) and following.template == "free" and following.meanwhile is None):
         return None
     waited = sum(grip.duration for grip in grips)
-    curve = following.trajectory()
-    if waited:
-        rest = np.zeros((1, 7))
-        curve = Trajectory(
-            np.concatenate([[0.0], curve.times + waited]),
-            np.concatenate([curve.positions[:1], curve.positions]),
-            np.concatenate([rest, curve.velocities]),
-        )
-    return _Way(side, number, len(grips) + 1, curve, grips[0].opening if grips else None)
+    opening = grips[0].opening if grips else None
+    return _Way(side, number, len(grips) + 1, _delayed(following.trajectory(), waited), waited, opening)
+
+
+def _delayed(curve: Trajectory, wait: float) -> Trajectory:
+    """A curve after a time of standing at its begin [s]."""
+    if not wait:
+        return curve
+    return Trajectory(
+        np.concatenate([[0.0], curve.times + wait]),
+        np.concatenate([curve.positions[:1], curve.positions]),
+        np.concatenate([np.zeros((1, 7)), curve.velocities]),
+    )
+
+
+def _another(cell: Cell, way: _Way, slots: list[_Slot]) -> _Way | None:
+    """A way between the same ends past the acting arm's longest motion; ``None`` where there is none."""
+    moving = [slot for slot in slots if slot.curve is not None]
+    if not moving or slots[-1].begin + slots[-1].duration < way.curve.duration:
+        return None
+    longest = max(moving, key=lambda slot: slot.duration)
+    assert longest.curve is not None
+    cell.apply(longest.setting)
+    speed = HELD_SPEED if longest.setting.holder == way.side else FREE_SPEED
+    start, goal = way.curve.positions[[0, -1]]
+    found = plan_beside(cell.world, cell.arms[way.side], start, goal, longest.curve, seed=way.stage, speed=speed)
+    return replaced(way, curve=_delayed(found.trajectory, way.waited)) if isinstance(found, Beside) else None
 
 
 def _before(stages: list[Stage], settings: list[list[Setting]], number: int) -> list[_Slot]:

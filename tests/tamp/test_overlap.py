@@ -9,11 +9,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+from planners import ik
+from planners.collision import CollisionWorld
+from planners.motion import JointPath, both_arms
+from planners.timing import retime
+from robots.model import DualArm
+from robots.spatial import Array, pose
+from robots.trajectory import Trajectory
+from robots.workcell import Side, Workcell, other
 from tamp import plan as plan_file
+from tamp.drafts import Setting
 from tamp.episode import Request, plan_episode
-from tamp.plan import Meanwhile, Motion, Plan
+from tamp.overlap import overlapped
+from tamp.plan import Meanwhile, Motion, Plan, Stage, StageName
+from tamp.stages.cell import Cell
+from tamp.timeline import StagePlans
 from tamp.verify import verify
 
 Raw = dict[str, Any]
@@ -114,3 +127,71 @@ def test_both_ways_succeed(tmp_path: Path) -> None:
     for overlap in (True, False):
         request = Request(category="Dispenser", seed=1, page=False, overlap=overlap, out=tmp_path / str(overlap))
         assert plan_episode(request).success
+
+
+MIDDLE = pose((0.0, -0.1, 0.30), (np.pi, 0.0, 0.0))
+"""A hand that points down at the middle of the table, where there is room for one arm."""
+
+
+def reaching(world: CollisionWorld, arms: DualArm, side: Side) -> Array:
+    arm = arms[side]
+    found = ik.solve(arm, MIDDLE, rng=np.random.default_rng(0), seeds=[arm.home], restarts=20, wanted=8)
+    assert isinstance(found, ik.Reached)
+    still = arms[other(side)].home
+    return next(q for q in found.solutions if world.free(both_arms(arm, q, still)))
+
+
+def stage(workcell: Workcell, side: Side, name: StageName, *points: Array, stay: float = 0.0) -> Stage:
+    """A stage of one free motion through points, standing at its begin for a time first [s]."""
+    curve = retime(JointPath(np.array(points)), workcell.arm(side), speed=0.5)
+    assert isinstance(curve, Trajectory)
+    times, positions, velocities = curve.times + stay, curve.positions, curve.velocities
+    if stay:
+        times, positions = np.append(0.0, times), np.concatenate([positions[:1], positions])
+        velocities = np.concatenate([np.zeros((1, 7)), velocities])
+    step = Motion(
+        template="free",
+        times=times.tolist(),
+        positions=positions.tolist(),
+        velocities=velocities.tolist(),
+        allowed=[],
+        holder=None,
+    )
+    return Stage(
+        name=name,
+        arm=side,
+        role="primary",
+        steps=[step],
+        candidates_tried=1,
+        score=1.0,
+        T_hand_object=None,
+        T_world_object=np.eye(4).tolist(),
+    )
+
+
+def test_where_no_time_is_free_another_curve_passes_the_acting_arm(workcell: Workcell, arms: DualArm) -> None:
+    """The right arm stands in the middle until it leaves at last; the left arm's way leads through the middle."""
+    world = CollisionWorld(workcell)
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    world.set_object([0.01 * signs])
+    cell = Cell(workcell, arms, world, np.zeros((1, 3)), pin.SE3.Identity())
+    left, right = arms["left"], arms["right"]
+    there = reaching(world, arms, "right")
+    away = left.home + np.array([-0.3, 0.2, 0.0, 0.2, 0.0, 0.2, 0.5])
+    stages = [
+        stage(workcell, "right", "retreat", there, right.home, stay=4.0),
+        stage(workcell, "left", "grasp", left.home, reaching(world, arms, "left"), away),
+    ]
+    setting = Setting(None, pose((0.0, 0.3, 2.0)), {}, ())
+    found = overlapped(cell, StagePlans(stages, 1.0, [[setting], [setting]]))
+    again = overlapped(cell, StagePlans(stages, 1.0, [[setting], [setting]]))
+    part, step = found[0].steps[0].meanwhile, found[0].steps[0]
+    assert part is not None
+    assert not found[1].steps
+    assert again == found
+    assert isinstance(step, Motion)
+    assert np.allclose(part.positions[0], left.home, atol=1e-9)
+    assert np.allclose(part.positions[-1], away, atol=1e-9)
+    mine = Trajectory(np.array(part.times), np.array(part.positions), np.array(part.velocities))
+    for t in np.arange(0.0, step.duration, 0.004):
+        assert world.free(both_arms(left, mine.at(t - part.begin), step.trajectory().at(t)))
