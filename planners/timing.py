@@ -11,6 +11,7 @@ import numpy as np
 
 from planners.given import numbers
 from planners.motion import JointPath
+from planners.smoothing import smoothed
 from robots.spatial import Array
 from robots.trajectory import Trajectory
 from robots.workcell import ArmModel
@@ -53,7 +54,9 @@ class NotTimeable:
         return self.reason
 
 
-def retime(path: JointPath, model: ArmModel, *, speed: float = 1.0, scale: float = SCALE) -> Trajectory | NotTimeable:
+def retime(
+    path: JointPath, model: ArmModel, *, speed: float = 1.0, scale: float = SCALE, jerk: Array | None = None
+) -> Trajectory | NotTimeable:
     """The fastest rest-to-rest trajectory along a path, slowed by ``speed``.
 
     TOPP-RA: Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis",
@@ -66,10 +69,12 @@ def retime(path: JointPath, model: ArmModel, *, speed: float = 1.0, scale: float
         model: Whose limits hold.
         speed: In ``(0, 1]``; limits of velocity scale with it, those of acceleration with its square.
         scale: In ``(0, 1]``; share of the limits that is planned with.
+        jerk: Limits ``(7,)`` [rad/s^3] that ``speed`` does not scale; the acceleration is then continuous. ``None`` for
+            none: the acceleration may jump.
     """
     if not (0.0 < speed <= 1.0 and 0.0 < scale <= 1.0):
         raise ValueError(f"speed and scale must lie in (0, 1], not {speed} and {scale}")
-    timed = _timed(path.points, (model,), speed, scale, STRAY)
+    timed = _timed(path.points, (model,), speed, scale, STRAY, _jerk_limit(jerk, 7))
     return timed if isinstance(timed, NotTimeable) else timed[0]
 
 
@@ -106,7 +111,12 @@ class Together:
 
 
 def retime_together(
-    points: Array, models: tuple[ArmModel, ArmModel], *, speed: float = 1.0, scale: float = SCALE
+    points: Array,
+    models: tuple[ArmModel, ArmModel],
+    *,
+    speed: float = 1.0,
+    scale: float = SCALE,
+    jerk: Array | None = None,
 ) -> Together | NotTimeable:
     """As ``retime``, for both arms at once: one schedule, so that they stay where the path has them together.
 
@@ -115,18 +125,19 @@ def retime_together(
         models: Whose limits hold, left then right.
         speed: As in ``retime``.
         scale: As in ``retime``.
+        jerk: As in ``retime``, ``(14,)``.
     """
     if not (0.0 < speed <= 1.0 and 0.0 < scale <= 1.0):
         raise ValueError(f"speed and scale must lie in (0, 1], not {speed} and {scale}")
     points = numbers(points, (-1, 14), "the points of a path of both arms")
     if len(points) < 2:
         raise ValueError("a path of both arms needs at least 2 points")
-    timed = _timed(points, models, speed, scale, STRAY_TOGETHER)
+    timed = _timed(points, models, speed, scale, STRAY_TOGETHER, _jerk_limit(jerk, 14))
     return timed if isinstance(timed, NotTimeable) else Together(*timed)
 
 
 def _timed(
-    path: Array, models: Sequence[ArmModel], speed: float, scale: float, stray: float
+    path: Array, models: Sequence[ArmModel], speed: float, scale: float, stray: float, jerk: Array
 ) -> tuple[Trajectory, ...] | NotTimeable:
     """The trajectory of each arm along a path ``(n, 7 * arms)`` [rad], all on one schedule."""
     points = _dense(path)
@@ -137,14 +148,24 @@ def _timed(
     if length < TINY:
         timed: _Knots | None = _step(points, velocity, acceleration, scale)
     else:
-        timed = _toppra(points, scale * velocity, scale * acceleration, stray)
+        timed = _toppra(points, scale * velocity, scale * acceleration, stray, scale * jerk / speed**3)
     if timed is None:
         return NotTimeable(f"TOPP-RA found no speed along {length:.3f} rad of path that keeps the limits")
     times, positions, velocities = timed
     positions, velocities = np.round(positions, 9) + 0.0, np.round(velocities * speed, 9) + 0.0
     positions[0], positions[-1] = path[0], path[-1]
     velocities[0] = velocities[-1] = 0.0
-    return _within(times / speed, positions, velocities, models, speed)
+    return _within(times / speed, positions, velocities, models, speed, jerk)
+
+
+def _jerk_limit(jerk: Array | None, size: int) -> Array:
+    """The limits ``(size,)`` [rad/s^3], infinite for none; ``ValueError`` for limits that are not above 0."""
+    if jerk is None:
+        return np.full(size, np.inf)
+    limit = numbers(jerk, (size,), "the limits of jerk")
+    if (limit <= 0.0).any():
+        raise ValueError(f"the limits of jerk must be above 0 rad/s^3, not {limit.tolist()}")
+    return limit
 
 
 _Knots = tuple[Array, Array, Array]
@@ -177,7 +198,7 @@ def _step(points: Array, velocity: Array, acceleration: Array, scale: float) -> 
     return np.array([0.0, end]), points[[0, -1]], np.zeros((2, points.shape[1]))
 
 
-def _toppra(points: Array, velocity: Array, acceleration: Array, stray: float) -> _Knots | None:
+def _toppra(points: Array, velocity: Array, acceleration: Array, stray: float, jerk: Array) -> _Knots | None:
     """The time-optimal schedule: knots at TOPP-RA's grid points, where alone its acceleration along the path jumps."""
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
     import toppra
@@ -201,6 +222,8 @@ def _toppra(points: Array, velocity: Array, acceleration: Array, stray: float) -
     if speeds is None or not np.isfinite(speeds).all() or np.any(speeds[1:-1] <= 0.0):
         return None
     times, at, rate = _schedule(grid, speeds, accelerations)
+    if np.isfinite(jerk).all():
+        return smoothed(curve, (times, at, rate), velocity, acceleration, jerk)
     return times, np.asarray(curve(at)), np.asarray(curve(at, 1)) * rate[:, None]
 
 
@@ -227,7 +250,7 @@ def _schedule(grid: Array, speeds: Array, accelerations: Array) -> _Knots:
 
 
 def _within(
-    times: Array, positions: Array, velocities: Array, models: Sequence[ArmModel], speed: float
+    times: Array, positions: Array, velocities: Array, models: Sequence[ArmModel], speed: float, jerk: Array
 ) -> tuple[Trajectory, ...] | NotTimeable:
     """The trajectory of each arm, all stretched alike until every stored curve keeps its limits."""
     over = 1.0
@@ -235,18 +258,34 @@ def _within(
         rounded, stored = np.round(times, 9), np.round(velocities, 9) + 0.0
         columns = [slice(7 * k, 7 * k + 7) for k in range(len(models))]
         trajectories = tuple(Trajectory(rounded, positions[:, c], stored[:, c]) for c in columns)
-        over = max(_over(trajectory, model, speed) for trajectory, model in zip(trajectories, models, strict=True))
+        over = max(
+            _over(trajectory, model, speed, jerk[c])
+            for trajectory, model, c in zip(trajectories, models, columns, strict=True)
+        )
         if over <= 1.0:
             return trajectories
         times, velocities = times * (1.002 * over), velocities / (1.002 * over)
     return NotTimeable(f"the stored curve stays {100 * (over - 1):.1f} % over a limit")
 
 
-def _over(trajectory: Trajectory, model: ArmModel, speed: float) -> float:
+def _over(trajectory: Trajectory, model: ArmModel, speed: float, jerk: Array) -> float:
     """By how much a curve must be stretched in time to keep the limits."""
     v_limit, a_limit = speed * np.asarray(model.velocity), speed**2 * np.asarray(model.acceleration)
     v, a = peaks(trajectory)
-    return max(float((v / v_limit).max()), float(np.sqrt((a / a_limit).max())))
+    steepest = float(np.cbrt((jerks(trajectory) / jerk).max()))
+    return max(float((v / v_limit).max()), float(np.sqrt((a / a_limit).max())), steepest)
+
+
+def jerks(trajectory: Trajectory) -> Array:
+    """Largest jerk of the stored curve by joint ``(7,)`` [rad/s^3]; between knots it is constant.
+
+    Where the acceleration jumps at a knot the jerk has no value: only curves that ``retime`` made with a limit of jerk
+    do not jump.
+    """
+    h = np.diff(trajectory.times)[:, None]
+    cubic = (trajectory.velocities[:-1] + trajectory.velocities[1:]) * h - 2.0 * np.diff(trajectory.positions, axis=0)
+    found: Array = np.abs(6.0 * cubic / h**3).max(axis=0)
+    return found
 
 
 def peaks(trajectory: Trajectory) -> tuple[Array, Array]:
