@@ -19,6 +19,7 @@ from tamp.cli.output import Output
 from tamp.motion_bench import panda
 from tamp.motion_bench.bench import solve_all
 from tamp.motion_bench.ours import Panda, plan
+from tamp.motion_bench.peers import FOLDER, PEERS, run_peer
 from tamp.motion_bench.problems import Problem, load_problems, spread
 from tests.conftest import SHARED
 from tests.planners.mesh_oracle import MeshOracle, read_problems
@@ -204,3 +205,23 @@ def test_closer_pieces_prove_what_hulls_prove_and_nothing_that_touches(arm: Pand
         assert not any(oracle.touches(row) for row in gained)
         more += len(gained)
     assert more > 0
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_a_peer_that_is_not_installed_is_named_with_how_to_install_it(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BadInput, match=f"peer {name} is not installed.*make peers"):
+        solve_all([problem()], [name], seed=1, told=lambda text: None)
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_a_peer_that_is_installed_solves_an_easy_problem(name: str) -> None:
+    if not (FOLDER / name / ".ready").is_file():
+        pytest.skip(f"{FOLDER / name} is absent: make peers")
+    (row,) = run_peer(name, [problem()], seed=1)
+    assert row.solved
+    assert np.allclose(row.path[0], START)
+    assert np.allclose(row.path[-1], [1.4, *START[1:]], atol=1e-6)
+    assert row.plan_ms > 0.0
