@@ -37,6 +37,9 @@ DELAY = 0.1
 LOOK = 0.004
 """Time between the states that are looked at before a curve is proven [s]."""
 
+HALTS = (1 / 3, 2 / 3)
+"""Shares of a path at which the arm may halt and wait for its way to become free."""
+
 MOMENTS = 3
 """Moments of the other arm's curve, its end first, to whose posture a path is planned."""
 
@@ -64,8 +67,9 @@ def plan_beside(
     """Find a timed motion of one arm that is free while the other arm follows its curve.
 
     Paths are planned past single postures of the other arm, and past its whole sweep at once. Each is timed and begun
-    ever later until it meets nothing; of those that do, the one that arrives first is returned. It is proven at every
-    instant, from ``begin`` until both arms rest. To wait until the other arm rests is one of the choices.
+    ever later until it meets nothing, or halts on its way ever longer; of those that are free, the one that arrives
+    first is returned. It is proven at every instant, from ``begin`` until both arms rest. To wait until the other arm
+    rests is one of the choices.
 
     Args:
         world: Collisions, already set up, and the same all the time.
@@ -88,19 +92,19 @@ def plan_beside(
         return NoPath(refused)
     if isinstance(usable, NoPath):
         return usable
-    tried = _Tried(world, arm, other_curve, begin)
+    tried = _Tried(world, arm, other_curve, begin, speed)
     nothing: NoPath | None = None
     for moment in range(MOMENTS):
         at = begin + (max(begin, other_curve.duration) - begin) * (1.0 - moment / (MOMENTS - 1))
         path = plan(world, arm, start, usable, other_curve.at(at), seed=seed + moment)
         if isinstance(path, JointPath):
-            tried.begins(retime(path, world.workcell.arm(arm.side), speed=speed))
+            tried.add(path)
         else:
             nothing = nothing or path
     if tried.best is None or tried.best.begin > begin:
         around = _past_sweep(world, arm, start, usable, other_curve, begin, seed)
         if around is not None:
-            tried.begins(retime(around, world.workcell.arm(arm.side), speed=speed))
+            tried.add(around)
     return tried.best or tried.failure() or nothing or NoPath(Exhausted(0, 0))
 
 
@@ -123,22 +127,43 @@ class _Tried:
         best: That arrives first, if any is free.
     """
 
-    def __init__(self, world: CollisionWorld, arm: ArmKinematics, other_curve: Trajectory, since: float) -> None:
-        self._world, self._arm, self._other, self._since = world, arm, other_curve, since
+    def __init__(
+        self, world: CollisionWorld, arm: ArmKinematics, other_curve: Trajectory, since: float, speed: float
+    ) -> None:
+        self._world, self._arm, self._other, self._since, self._speed = world, arm, other_curve, since, speed
         self._motion = world.motion(SIDES, both_arms(arm, arm.home, other_curve.positions[0]))
         self._paths, self._furthest = 0, -1.0
         self._contact: Contact | None = None
         self.best: Beside | None = None
 
-    def begins(self, trajectory: Trajectory | NotTimeable) -> None:
-        """Try a motion from ever later begins, as long as it would arrive before the best."""
-        if isinstance(trajectory, NotTimeable):
-            return
+    def add(self, path: JointPath) -> None:
+        """Try a path from ever later begins, then with ever longer halts, while it would arrive before the best."""
         self._paths += 1
-        last = max(self._since, self._other.duration)
-        count = int(np.ceil((last - self._since) / DELAY))
-        for k in range(count + 1):
-            beside = Beside(min(last, self._since + k * DELAY), trajectory)
+        whole = self._timed(path.points)
+        if whole is None:
+            return
+        self._first_free([Beside(self._since + wait, whole) for wait in self._waits()])
+        for share in HALTS:
+            if self.best is not None and self.best.end <= self._since + whole.duration:
+                return
+            parts = [self._timed(points) for points in _split(path.points, share)]
+            first, second = parts
+            if first is not None and second is not None:
+                self._first_free([Beside(self._since, _joined(first, wait, second)) for wait in self._waits()])
+
+    def _timed(self, points: Array) -> Trajectory | None:
+        timed = retime(JointPath(points), self._world.workcell.arm(self._arm.side), speed=self._speed)
+        return None if isinstance(timed, NotTimeable) else timed
+
+    def _waits(self) -> Array:
+        """Times to wait [s], the last until the other arm rests."""
+        longest = max(0.0, self._other.duration - self._since)
+        waits: Array = np.minimum(longest, DELAY * np.arange(int(np.ceil(longest / DELAY)) + 1))
+        return waits
+
+    def _first_free(self, choices: list[Beside]) -> None:
+        """Keep the first of some motions, each arriving later than the one before, that is free and beats the best."""
+        for beside in choices:
             if self.best is not None and beside.end >= self.best.end:
                 return
             if self._looks_free(beside) and self._proven(beside):
@@ -217,3 +242,24 @@ def _cut(edge: Edge, path: Array, rng: np.random.Generator) -> Array:
         if i != j and edge(a, b):
             path = np.concatenate([path[: i + 1], [a, b], path[j + 1 :]])
     return path
+
+
+def _split(points: Array, share: float) -> tuple[Array, Array]:
+    """Both parts of a path ``(n, 7)`` [rad], cut at a share of its length."""
+    reached = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    place = share * float(reached[-1])
+    k = int(np.clip(np.searchsorted(reached, place, side="right") - 1, 0, len(points) - 2))
+    step = float(reached[k + 1] - reached[k])
+    cut = points[k] + (points[k + 1] - points[k]) * ((place - reached[k]) / step if step > 0.0 else 0.0)
+    return np.vstack([points[: k + 1], cut]), np.vstack([cut, points[k + 1 :]])
+
+
+def _joined(first: Trajectory, wait: float, second: Trajectory) -> Trajectory:
+    """Two curves with a halt of some time [s] between them."""
+    later = 0 if wait > 1e-6 else 1  # without a halt they share a knot, at which both are at rest
+    times = second.times[later:] + first.duration + wait
+    return Trajectory(
+        np.round(np.concatenate([first.times, times]), 9),
+        np.concatenate([first.positions, second.positions[later:]]),
+        np.concatenate([first.velocities, second.velocities[later:]]),
+    )
