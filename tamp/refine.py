@@ -298,9 +298,9 @@ class Search:
         """Where to go back to when a level's candidates failed for these causes.
 
         Two hands that meet at the part blame the grasp: hand and part move together, so another pose cannot help.
-        A primary hand that meets the object itself does so in every pose and with every grasp: once that has happened in
-        ``ENOUGH_POSES``, each with draws of its own, it blames the anticipatory goal. Everything else blames the level
-        before: its next candidate makes another scene.
+        A primary hand that meets the object itself does so in every pose and with every grasp: once that has happened
+        in ``ENOUGH_POSES``, each with draws of its own, it blames the anticipatory goal. Everything else blames the
+        level before: its next candidate makes another scene.
         """
         if partial.levels[depth].name == "operate" and all(hits_object(cause, partial.roles) for cause in causes):
             key = (len(self.tried), partial.index[0])
