@@ -1,5 +1,5 @@
 # make demo   plan, verify and execute a bottle; the first call makes the environment
-# make peers  other planners for `bipre bench motion --methods ours,roboplan`, each in its own environment
+# make peers  other planners for `bipre bench motion --methods ours,roboplan,mplib`, each in its own environment
 # make test   every check; `make test-slow` adds the long ones
 PYTHON ?= $(shell for p in python3.11 python3 python; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null && echo $$p && break; done)
@@ -35,11 +35,17 @@ $(READY): pyproject.toml requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -c requirements.lock -e ".[video,dev,data]"
 	@touch $@
 
-peers: .peers/roboplan/.ready
+peers: .peers/roboplan/.ready .peers/mplib/.ready
 
 .peers/roboplan/.ready:
 	$(PYTHON) -m venv .peers/roboplan
 	.peers/roboplan/bin/python -m pip install --quiet --disable-pip-version-check roboplan==0.7.0
+	@touch $@
+
+.peers/mplib/.ready:
+	@test -n "$(PYTHON)" || { echo "Python 3.11 was not found; install it or call: make PYTHON=/path/to/python3.11"; exit 2; }
+	$(PYTHON) -m venv .peers/mplib
+	.peers/mplib/bin/python -m pip install --quiet --disable-pip-version-check mplib==0.2.1 "numpy<2"
 	@touch $@
 
 clean:

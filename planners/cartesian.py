@@ -9,10 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from planners.collision import CollisionWorld, Contact
+from planners.given import finite_pose, numbers, positive
 from planners.motion import JointPath, both_arms, checker, past_limit
 from planners.shorten import RESOLUTION, Free
 from robots.model import ArmKinematics
-from robots.spatial import Array, angle_between, interpolate, turned_about
+from robots.spatial import Array, angle_between, interpolate, turned_about, unit
 
 TOLERANCE = 1e-7
 """How close every waypoint comes to its pose [m] and [rad]: noise in it would show as acceleration once timed."""
@@ -28,6 +29,24 @@ DAMPING = 1e-8
 
 NEWTON_STEPS = 20
 """Newton steps for one waypoint; 3 or 4 are enough away from singularities."""
+
+WARY = 0.25
+"""Distance to a limit from which on a joint takes a smaller share of every step [rad]."""
+
+LEAST = 0.02
+"""The smallest such share: none at all would lose a direction."""
+
+INSIDE = 0.15
+"""How far inside the joint limits the posture lies that ``follow_best`` leads back to [rad]."""
+
+ROOM = 0.2
+"""Distance to the joint limits beyond which more is no better [rad]."""
+
+CLEAR = 0.03
+"""Distance to other bodies beyond which more is no better [m]: hands work close to things on purpose."""
+
+CLEARANCE_EVERY = 4
+"""Every how many waypoints the clearance is measured, besides at both ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +89,9 @@ def straight(
     Returns:
         The path, its last point on the goal, or how far it got.
     """
+    q_start, q_other = numbers(q_start, (7,), "the start"), numbers(q_other, (7,), "the other arm's joint positions")
+    finite_pose(T_world_hand_goal, "the goal")
+    positive(step, "the step", "m"), positive(turn, "the turn of a step", "rad")
     T_start = arm.hand(q_start)
     length = float(np.linalg.norm(T_world_hand_goal.translation - T_start.translation))
     angle = angle_between(T_start.rotation, T_world_hand_goal.rotation)
@@ -102,8 +124,12 @@ def turned(
         step: Longest travel of the hand's origin between waypoints [m].
         turn: Largest turn between waypoints [rad].
     """
+    q_start, q_other = numbers(q_start, (7,), "the start"), numbers(q_other, (7,), "the other arm's joint positions")
+    axis_point_world = numbers(axis_point_world, (3,), "the point of the axis")
+    axis = unit(numbers(axis_world, (3,), "the axis"))
+    angle = float(numbers(angle, (), "the angle"))
+    positive(step, "the step", "m"), positive(turn, "the turn of a step", "rad")
     T_start = arm.hand(q_start)
-    axis = np.asarray(axis_world, dtype=np.float64) / np.linalg.norm(axis_world)
     radius = float(np.linalg.norm(np.cross(axis, T_start.translation - axis_point_world)))
     steps = max(2, int(np.ceil(abs(angle) * max(1.0 / turn, radius / step))))
 
@@ -113,6 +139,63 @@ def turned(
     return _follow(world, arm, q_start, pose_at, steps, q_other)
 
 
+def follow_best(
+    world: CollisionWorld | None,
+    arm: ArmKinematics,
+    solutions: Array,
+    pose_at: Callable[[float], pin.SE3],
+    steps: int,
+    q_other: Array,
+) -> JointPath | Broken:
+    """The best of the ways in which a hand can follow a motion, one from each of several postures at its start.
+
+    Best is the most room to joint limits and to other bodies, whichever is scarcer; what is equally good goes by
+    length, then by the order given. Every waypoint, both ends included, has the hand on its pose to ``TOLERANCE``.
+
+    Args:
+        world: Collisions, set up for this motion; ``None`` checks none.
+        arm: The arm.
+        solutions: Joint positions ``(n, 7)`` [rad] that put the hand near ``pose_at(0)``, as ``ik.solve`` finds them.
+        pose_at: ``T_world_hand`` at a share of the motion in ``[0, 1]``; continuous.
+        steps: Waypoints beside the first.
+        q_other: Joint positions of the other arm ``(7,)`` [rad].
+
+    Returns:
+        The path, or how far the best one got when none is complete.
+    """
+    solutions = numbers(solutions, (-1, 7), "the solutions")
+    q_other = numbers(q_other, (7,), "the other arm's joint positions")
+    positive(steps, "the number of waypoints", "waypoints")
+    begin = finite_pose(pose_at(0.0), "the hand at the start")
+    finite_pose(pose_at(1.0), "the hand at the end")
+    best: tuple[float, float, JointPath] | None = None
+    furthest = Broken(-1.0, "")
+    for q in solutions:
+        exact = next_to(arm, q, q, begin)
+        if isinstance(exact, str):
+            found: JointPath | Broken = Broken(0.0, exact)
+        else:
+            posture = np.clip(exact, arm.lower + INSIDE, arm.upper - INSIDE)
+            found = _follow(world, arm, exact, pose_at, steps, q_other, posture)
+        if isinstance(found, Broken):
+            furthest = max(furthest, found, key=lambda broken: broken.fraction)
+            continue
+        length = float(np.linalg.norm(np.diff(found.points, axis=0), axis=1).sum())
+        score = round(_room(world, arm, found.points, q_other), 6), -round(length, 6)
+        if best is None or score > best[:2]:
+            best = (*score, found)
+    return furthest if best is None else best[2]
+
+
+def _room(world: CollisionWorld | None, arm: ArmKinematics, points: Array, q_other: Array) -> float:
+    """How little room a path leaves, in ``[0, 1]``: to joint limits in ``ROOM``, to other bodies in ``CLEAR``."""
+    room = float(np.minimum(points - arm.lower, arm.upper - points).min()) / ROOM
+    if world is not None:
+        looked_at = [*points[:-1:CLEARANCE_EVERY], points[-1]]
+        room = min(room, min(world.clearance(both_arms(arm, q, q_other))[0] for q in looked_at) / CLEAR)
+    return min(1.0, max(0.0, room))
+
+
 def _follow(
     world: CollisionWorld | None,
     arm: ArmKinematics,
@@ -120,12 +203,16 @@ def _follow(
     pose_at: Callable[[float], pin.SE3],
     steps: int,
     q_other: Array,
+    posture: Array | None = None,
 ) -> JointPath | Broken:
-    """Waypoints at ``k / steps`` of a motion, each from the one before."""
+    """Waypoints at ``k / steps`` of a motion, each from the one before; the elbow stays near ``posture``, or start."""
     path = [np.asarray(q_start, dtype=np.float64)]
+    if not arm.within_limits(path[0]):
+        return Broken(0.0, str(judged(arm, path[0])))
+    posture = path[0] if posture is None else posture
     free = None if world is None else checker(world, arm, q_other)
     for k in range(steps + 1):
-        q = _next(arm, path[0], path[-1], pose_at(k / steps)) if k else path[0]
+        q = next_to(arm, posture, path[-1], pose_at(k / steps)) if k else path[0]
         done = max(0, k - 1) / steps
         if isinstance(q, str):
             return Broken(done, q)
@@ -148,11 +235,13 @@ def _first_touching(free: Free, a: Array, b: Array) -> Array | None:
     return None
 
 
-def _next(arm: ArmKinematics, posture: Array, start: Array, T_world_hand: pin.SE3) -> Array | str:
-    """The configuration near ``start`` that reaches the pose, or why there is none.
+def next_to(arm: ArmKinematics, posture: Array, start: Array, T_world_hand: pin.SE3) -> Array | str:
+    """The configuration near ``start`` that reaches the pose, ``start`` itself if it does, or why there is none.
 
     Newton steps with the pseudo-inverse; in its null space they lead back to ``posture``, so that the elbow does not
     drift (Liegeois, "Automatic Supervisory Control of the Configuration and Behavior of Multibody Mechanisms", 1977).
+    Joints near a limit take a smaller share (Chan and Dubey, "A Weighted Least-Norm Solution Based Scheme for Avoiding
+    Joint Limits for Redundant Joint Manipulators", T-RA 1995; with weights that do not depend on the direction).
     """
     model, data, q = arm.model, arm.data, start
     error = np.zeros(6)
@@ -160,18 +249,20 @@ def _next(arm: ArmKinematics, posture: Array, start: Array, T_world_hand: pin.SE
         pin.computeJointJacobians(model, data, q)
         T = pin.updateFramePlacement(model, data, arm.hand_frame)
         error = pin.log6(T.actInv(T_world_hand)).vector
-        if count and np.abs(error).max() < TOLERANCE:
-            return _judged(arm, q)
+        if (count or np.array_equal(posture, start)) and np.abs(error).max() < TOLERANCE:
+            return judged(arm, q)
         J = pin.getFrameJacobian(model, data, arm.hand_frame, pin.LOCAL)
         rest = STAY * (posture - q) if count == 0 else np.zeros(7)
-        q = q + rest + J.T @ np.linalg.solve(J @ J.T + DAMPING * np.eye(6), error - J @ rest)
+        share = np.clip(np.minimum(q - arm.lower, arm.upper - q) / WARY, LEAST, 1.0)
+        WJt = share[:, None] * J.T
+        q = q + rest + WJt @ np.linalg.solve(J @ WJt + DAMPING * np.eye(6), error - J @ rest)
         if np.abs(q - start).max() > JUMP:
             return _jump(arm, start, q)
     gap, angle = 1e3 * float(np.linalg.norm(error[:3])), float(np.degrees(np.linalg.norm(error[3:])))
     return f"out of reach, {gap:.1f} mm and {angle:.1f} deg short"
 
 
-def _judged(arm: ArmKinematics, q: Array) -> Array | str:
+def judged(arm: ArmKinematics, q: Array) -> Array | str:
     """``q``, unless it is past a limit."""
     if arm.within_limits(q):
         return q

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
+from planners.clock import Beside, Clock
 from planners.collision import CollisionWorld, Contact
 from planners.compiled.cell import Motion
 from planners.compiled.layout import FREE, HIT
+from planners.given import numbers
 from planners.motion import both_arms, past_limit
-from planners.timing import peaks
-from robots.model import ArmKinematics
+from planners.timing import Together, peaks
+from robots.model import ArmKinematics, DualArm
 from robots.spatial import Array
 from robots.trajectory import Trajectory
-from robots.workcell import ArmModel
+from robots.workcell import SIDES, ArmModel, Side
 
 STEP_TIME = 0.004
 """Longest time between sampled states [s]."""
@@ -35,6 +39,17 @@ PARTS = 4
 SMALLEST = 2e-5
 """Stretches in which no joint moves further from the middle [rad] are not cut: a hundredth of a millimetre of clearance
 beyond what must be kept is the least that can be proven."""
+
+
+class Curve(Protocol):
+    """A timed motion of one arm or of both: cubic between its knots."""
+
+    @property
+    def times(self) -> Array:
+        """Of the knots ``(n,)`` [s]."""
+
+    def sample(self, t: Any) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations ``(m, d)`` at ``(m,)`` times."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,27 +105,88 @@ def certify(
         trajectory: The curve.
         q_other: Joint positions of the other arm ``(7,)`` [rad].
     """
+    numbers(q_other, (7,), "the other arm's joint positions")
     ratios = _ratios(model, trajectory)
     if isinstance(ratios, Uncertified):
         return ratios
-    times = _times(trajectory)
-    positions = trajectory.sample(times)[0]
-    if past := _outside(arm, times, positions):
+    times = _times(peaks(trajectory)[0], trajectory.duration)
+    if past := _outside(arm, times, trajectory.sample(times)[0]):
         return past
-    motion = world.motion([arm.side], both_arms(arm, positions[0], q_other))
+    return _free(world, [arm.side], trajectory, times, ratios, lambda q: both_arms(arm, q, q_other))
+
+
+def certify_together(world: CollisionWorld, arms: DualArm, curve: Together) -> Certificate | Uncertified:
+    """As ``certify``, of both arms that move at once; limits are those of the world's workcell.
+
+    Args:
+        world: Collisions, set up as they will be during the motion.
+        arms: Both arms.
+        curve: Both curves.
+    """
+    times = _times(np.maximum(peaks(curve.left)[0], peaks(curve.right)[0]), curve.duration)
+    found = []
+    for side, trajectory in zip(SIDES, (curve.left, curve.right), strict=True):
+        ratios = _ratios(world.workcell.arm(side), trajectory)
+        if isinstance(ratios, Uncertified):
+            return ratios
+        if past := _outside(arms[side], times, trajectory.sample(times)[0]):
+            return past
+        found.append(ratios)
+    velocity, acceleration = (max(pair) for pair in zip(*found, strict=True))
+    return _free(world, SIDES, curve, times, (velocity, acceleration), lambda q: q)
+
+
+def certify_beside(
+    world: CollisionWorld, arm: ArmKinematics, beside: Beside, other_curve: Trajectory, since: float
+) -> Certificate | Uncertified:
+    """As ``certify``, of an arm's curve while the other arm follows its own, whose limits are not looked at again.
+
+    Proven is the time from ``since`` on the other's clock until both rest; before and after its curve an arm stands.
+
+    Args:
+        world: Collisions, set up as they will be during the motion.
+        arm: The arm.
+        beside: Its curve, and when it begins.
+        other_curve: The other arm's curve, from time 0 of its clock.
+        since: When the proof begins, at most when the arm's curve does [s].
+    """
+    ratios = _ratios(world.workcell.arm(arm.side), beside.trajectory)
+    if isinstance(ratios, Uncertified):
+        return ratios
+    clock = Clock(arm.side, beside, other_curve, since)
+    fastest = np.maximum(peaks(beside.trajectory)[0], peaks(other_curve)[0])
+    times = _times(fastest, clock.duration)
+    mine = slice(0, 7) if arm.side == "left" else slice(7, 14)
+    if past := _outside(arm, times, clock.sample(times)[0][:, mine]):
+        return Uncertified(past.time + since, past.reason, None)
+    found = _free(world, SIDES, clock, times, ratios, lambda q: q)
+    return found if isinstance(found, Certificate) else Uncertified(found.time + since, found.reason, found.contact)
+
+
+def _free(
+    world: CollisionWorld,
+    sides: Sequence[Side],
+    curve: Curve,
+    times: Array,
+    ratios: tuple[float, float],
+    whole: Callable[[Array], Array],
+) -> Certificate | Uncertified:
+    """Whether a curve of the arms on ``sides`` is free; ``whole`` makes ``(14,)`` joint positions of its own."""
+    positions = curve.sample(times)[0]
+    motion = world.motion(sides, whole(positions[0]))
     kept = MARGIN_KEPT * world.margin
-    nearest = world.clearance(both_arms(arm, positions[0], q_other))[0]
+    nearest = world.clearance(whole(positions[0]))[0]
     # the motion knows only the pairs that it changes; all others are as they are at the first state
-    proven, failed = (0, 0.0) if nearest <= kept else _prove(motion, trajectory, kept)
+    proven, failed = (0, 0.0) if nearest <= kept else _prove(motion, curve, kept)
     if failed is not None:
-        return _refusal(world, arm, trajectory, failed, q_other)
+        return _refusal(world, whole(curve.sample(failed)[0][0]), failed)
     inside = motion.states(positions, world.margin) != FREE
     for k in np.flatnonzero(inside | (np.arange(len(times)) % CLEARANCE_EVERY == 0) | (times == times[-1])):
-        nearest = min(nearest, world.clearance(both_arms(arm, positions[k], q_other))[0])
+        nearest = min(nearest, world.clearance(whole(positions[k]))[0])
     return Certificate(len(times) + proven, *ratios, nearest)
 
 
-def _prove(motion: Motion, trajectory: Trajectory, margin: float) -> tuple[int, float | None]:
+def _prove(motion: Motion, trajectory: Curve, margin: float) -> tuple[int, float | None]:
     """How many stretches of the curve were proven to keep the margin, and the first instant at which that failed [s].
 
     Inside a stretch the acceleration of the cubic is linear in time, so that its ends bound it, the velocity at the
@@ -136,11 +212,9 @@ def _prove(motion: Motion, trajectory: Trajectory, margin: float) -> tuple[int, 
     return proven, None
 
 
-def _refusal(
-    world: CollisionWorld, arm: ArmKinematics, trajectory: Trajectory, time: float, q_other: Array
-) -> Uncertified:
-    """What is too close at an instant."""
-    distance, a, b = world.clearance(both_arms(arm, trajectory.at(time), q_other))
+def _refusal(world: CollisionWorld, q: Array, time: float) -> Uncertified:
+    """What is too close at ``q`` ``(14,)`` [rad]."""
+    distance, a, b = world.clearance(q)
     contact = Contact(a, b, max(0.0, -distance))
     return Uncertified(time, f"{contact} (distance {1e3 * distance:.1f} mm)", contact)
 
@@ -170,8 +244,7 @@ def _outside(arm: ArmKinematics, times: Array, positions: Array) -> Uncertified 
     return Uncertified(float(times[outside[0]]), f"{joint} at {value:.4f} rad, limit {limit:.4f} rad", None)
 
 
-def _times(trajectory: Trajectory) -> Array:
-    """Times at which states are checked [s]."""
-    fastest = float(peaks(trajectory)[0].max())
-    step = min(STEP_TIME, STEP_JOINT / max(fastest, 1e-9))
-    return np.linspace(0.0, trajectory.duration, int(np.ceil(trajectory.duration / step)) + 1)
+def _times(fastest: Array, duration: float) -> Array:
+    """Times at which states are checked [s], for the largest velocity of each joint [rad/s]."""
+    step = min(STEP_TIME, STEP_JOINT / max(float(fastest.max()), 1e-9))
+    return np.linspace(0.0, duration, int(np.ceil(duration / step)) + 1)

@@ -8,7 +8,9 @@ import numpy as np
 
 from planners.collision import CollisionWorld, Contact
 from planners.compiled.layout import FREE
+from planners.given import numbers
 from planners.ompl_search import PLANNERS, search
+from planners.reasons import GoalOutOfReach, LoopOpen, OtherInTheWay, Tilted
 from planners.shorten import SHORTCUTS, Free, rounded
 from robots.errors import UnknownName
 from robots.model import ArmKinematics
@@ -47,6 +49,7 @@ class JointPath:
         object.__setattr__(self, "points", frozen(self.points))
         if self.points.ndim != 2 or self.points.shape[0] < 2 or self.points.shape[1] != 7:
             raise ValueError(f"a joint path needs points (n, 7), n >= 2; got {self.points.shape}")
+        numbers(self.points, (-1, 7), "the points of a joint path")
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +112,16 @@ class Exhausted:
 class NoPath:
     """Why there is no path."""
 
-    reason: StartInCollision | GoalInCollision | OutOfLimits | Exhausted
+    reason: (
+        StartInCollision
+        | GoalInCollision
+        | OutOfLimits
+        | Exhausted
+        | Tilted
+        | LoopOpen
+        | GoalOutOfReach
+        | OtherInTheWay
+    )
 
     def __str__(self) -> str:
         return str(self.reason)
@@ -146,14 +158,11 @@ def plan(
     Returns:
         The path, from exactly ``start`` to exactly one of the goals, or why there is none.
     """
-    start, goals = np.asarray(start, dtype=np.float64), np.atleast_2d(np.asarray(goals, dtype=np.float64))
-    if start.shape != (7,) or goals.shape[1] != 7 or not len(goals):
-        raise ValueError(f"start must be (7,) and goals (m, 7), m >= 1; got {start.shape} and {goals.shape}")
-    if not (np.isfinite(start).all() and np.isfinite(goals).all() and np.isfinite(q_other).all()):
-        raise ValueError("start, goals and the other arm's joint positions must be finite")
+    start, goals = numbers(start, (7,), "the start"), numbers(np.atleast_2d(goals), (-1, 7), "the goals")
+    q_other = numbers(q_other, (7,), "the other arm's joint positions")
     if planner != TREE and planner not in PLANNERS:
         raise UnknownName("planner", planner, (TREE, *PLANNERS))
-    if refused := _precheck(world, arm, start, goals, q_other):
+    if refused := precheck(world, arm, start, goals, q_other):
         return NoPath(refused)
     free = checker(world, arm, q_other)
     usable = [goal for goal in goals if arm.within_limits(goal) and free(goal)]
@@ -245,7 +254,7 @@ def both_arms(arm: ArmKinematics, q: Array, q_other: Array) -> Array:
     return np.concatenate([q, q_other] if arm.side == "left" else [q_other, q])
 
 
-def _precheck(
+def precheck(
     world: CollisionWorld, arm: ArmKinematics, start: Array, goals: Array, q_other: Array
 ) -> StartInCollision | GoalInCollision | OutOfLimits | None:
     """What makes a search pointless: without this RRT-Connect would burn its whole budget on a bad goal."""

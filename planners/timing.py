@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from planners.given import numbers
 from planners.motion import JointPath
 from robots.spatial import Array
 from robots.trajectory import Trajectory
@@ -23,6 +26,9 @@ THIN = 0.03
 
 STRAY = 1e-4
 """How far the spline may pass from a point left out [rad]."""
+
+STRAY_TOGETHER = 1e-5
+"""The same where both arms hold one object [rad]: errors of joints open the loop between the hands."""
 
 GRID = 0.03
 """Longest path between TOPP-RA's grid points [rad]: finer than the corners of the spline, which it would miss."""
@@ -63,23 +69,86 @@ def retime(path: JointPath, model: ArmModel, *, speed: float = 1.0, scale: float
     """
     if not (0.0 < speed <= 1.0 and 0.0 < scale <= 1.0):
         raise ValueError(f"speed and scale must lie in (0, 1], not {speed} and {scale}")
-    points = _dense(path.points)
+    timed = _timed(path.points, (model,), speed, scale, STRAY)
+    return timed if isinstance(timed, NotTimeable) else timed[0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Together:
+    """Both arms on one schedule.
+
+    Attributes:
+        left, right: Their curves, with the same times.
+    """
+
+    left: Trajectory
+    right: Trajectory
+
+    def __post_init__(self) -> None:
+        if not np.array_equal(self.left.times, self.right.times):
+            raise ValueError("both arms need the same times")
+
+    @property
+    def times(self) -> Array:
+        """Times of the knots ``(n,)`` [s]."""
+        return self.left.times
+
+    @property
+    def duration(self) -> float:
+        """Time of the last knot [s]."""
+        return self.left.duration
+
+    def sample(self, t: Any) -> tuple[Array, Array, Array]:
+        """Positions [rad], velocities [rad/s] and accelerations [rad/s^2] ``(m, 14)`` at times ``t`` ``(m,)`` [s]."""
+        pairs = zip(self.left.sample(t), self.right.sample(t), strict=True)
+        q, qd, qdd = (np.concatenate(pair, axis=1) for pair in pairs)
+        return q, qd, qdd
+
+
+def retime_together(
+    points: Array, models: tuple[ArmModel, ArmModel], *, speed: float = 1.0, scale: float = SCALE
+) -> Together | NotTimeable:
+    """As ``retime``, for both arms at once: one schedule, so that they stay where the path has them together.
+
+    Args:
+        points: Joint positions ``(n, 14)`` [rad], left then right, ``n >= 2``.
+        models: Whose limits hold, left then right.
+        speed: As in ``retime``.
+        scale: As in ``retime``.
+    """
+    if not (0.0 < speed <= 1.0 and 0.0 < scale <= 1.0):
+        raise ValueError(f"speed and scale must lie in (0, 1], not {speed} and {scale}")
+    points = numbers(points, (-1, 14), "the points of a path of both arms")
+    if len(points) < 2:
+        raise ValueError("a path of both arms needs at least 2 points")
+    timed = _timed(points, models, speed, scale, STRAY_TOGETHER)
+    return timed if isinstance(timed, NotTimeable) else Together(*timed)
+
+
+def _timed(
+    path: Array, models: Sequence[ArmModel], speed: float, scale: float, stray: float
+) -> tuple[Trajectory, ...] | NotTimeable:
+    """The trajectory of each arm along a path ``(n, 7 * arms)`` [rad], all on one schedule."""
+    points = _dense(path)
+    velocity, acceleration = (
+        np.concatenate([getattr(m, what) for m in models]) for what in ("velocity", "acceleration")
+    )
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     if length < TINY:
-        timed: _Knots | None = _step(points, model, scale)
+        timed: _Knots | None = _step(points, velocity, acceleration, scale)
     else:
-        timed = _toppra(points, scale * np.asarray(model.velocity), scale * np.asarray(model.acceleration))
+        timed = _toppra(points, scale * velocity, scale * acceleration, stray)
     if timed is None:
         return NotTimeable(f"TOPP-RA found no speed along {length:.3f} rad of path that keeps the limits")
     times, positions, velocities = timed
     positions, velocities = np.round(positions, 9) + 0.0, np.round(velocities * speed, 9) + 0.0
-    positions[0], positions[-1] = path.points[0], path.points[-1]
+    positions[0], positions[-1] = path[0], path[-1]
     velocities[0] = velocities[-1] = 0.0
-    return _within(times / speed, positions, velocities, model, speed)
+    return _within(times / speed, positions, velocities, models, speed)
 
 
 _Knots = tuple[Array, Array, Array]
-"""Times ``(k,)`` [s], positions ``(k, 7)`` [rad], velocities ``(k, 7)`` [rad/s]."""
+"""Times ``(k,)`` [s], positions ``(k, d)`` [rad], velocities ``(k, d)`` [rad/s]."""
 
 
 def load() -> None:
@@ -99,16 +168,16 @@ def _dense(points: Array) -> Array:
     return np.array(out)
 
 
-def _step(points: Array, model: ArmModel, scale: float) -> _Knots:
+def _step(points: Array, velocity: Array, acceleration: Array, scale: float) -> _Knots:
     """One cubic from rest to rest: over a time T it peaks at 1.5 d / T and 6 d / T^2."""
     d = np.abs(points[-1] - points[0])
-    by_velocity = float((1.5 * d / np.asarray(model.velocity)).max()) / scale
-    by_acceleration = float(np.sqrt((6.0 * d / np.asarray(model.acceleration)).max() / scale))
+    by_velocity = float((1.5 * d / velocity).max()) / scale
+    by_acceleration = float(np.sqrt((6.0 * d / acceleration).max() / scale))
     end = max(KNOT, by_velocity, by_acceleration)
-    return np.array([0.0, end]), points[[0, -1]], np.zeros((2, 7))
+    return np.array([0.0, end]), points[[0, -1]], np.zeros((2, points.shape[1]))
 
 
-def _toppra(points: Array, velocity: Array, acceleration: Array) -> _Knots | None:
+def _toppra(points: Array, velocity: Array, acceleration: Array, stray: float) -> _Knots | None:
     """The time-optimal schedule: knots at TOPP-RA's grid points, where alone its acceleration along the path jumps."""
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
     import toppra
@@ -117,7 +186,7 @@ def _toppra(points: Array, velocity: Array, acceleration: Array) -> _Knots | Non
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     kept = _thinned(points)
     curve = toppra.SplineInterpolator(s[kept], points[kept])
-    if np.abs(curve(s) - points).max() > STRAY:
+    if np.abs(curve(s) - points).max() > stray:
         curve = toppra.SplineInterpolator(s, points)
     limits = [
         constraint.JointVelocityConstraint(np.column_stack([-velocity, velocity])),
@@ -158,19 +227,26 @@ def _schedule(grid: Array, speeds: Array, accelerations: Array) -> _Knots:
 
 
 def _within(
-    times: Array, positions: Array, velocities: Array, model: ArmModel, speed: float
-) -> Trajectory | NotTimeable:
-    """The trajectory, stretched until the stored curve keeps the limits."""
-    v_limit, a_limit = speed * np.asarray(model.velocity), speed**2 * np.asarray(model.acceleration)
+    times: Array, positions: Array, velocities: Array, models: Sequence[ArmModel], speed: float
+) -> tuple[Trajectory, ...] | NotTimeable:
+    """The trajectory of each arm, all stretched alike until every stored curve keeps its limits."""
     over = 1.0
     for _ in range(12):
-        trajectory = Trajectory(np.round(times, 9), positions, np.round(velocities, 9) + 0.0)
-        v, a = peaks(trajectory)
-        over = max(float((v / v_limit).max()), float(np.sqrt((a / a_limit).max())))
+        rounded, stored = np.round(times, 9), np.round(velocities, 9) + 0.0
+        columns = [slice(7 * k, 7 * k + 7) for k in range(len(models))]
+        trajectories = tuple(Trajectory(rounded, positions[:, c], stored[:, c]) for c in columns)
+        over = max(_over(trajectory, model, speed) for trajectory, model in zip(trajectories, models, strict=True))
         if over <= 1.0:
-            return trajectory
+            return trajectories
         times, velocities = times * (1.002 * over), velocities / (1.002 * over)
     return NotTimeable(f"the stored curve stays {100 * (over - 1):.1f} % over a limit")
+
+
+def _over(trajectory: Trajectory, model: ArmModel, speed: float) -> float:
+    """By how much a curve must be stretched in time to keep the limits."""
+    v_limit, a_limit = speed * np.asarray(model.velocity), speed**2 * np.asarray(model.acceleration)
+    v, a = peaks(trajectory)
+    return max(float((v / v_limit).max()), float(np.sqrt((a / a_limit).max())))
 
 
 def peaks(trajectory: Trajectory) -> tuple[Array, Array]:

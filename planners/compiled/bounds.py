@@ -103,6 +103,30 @@ def to_world(kind, shape_f, b, centre, s, less, core, gap, deep):
 
 
 @part
+def near(centre, grown, a, b, bar):
+    """In how many lanes two bounding spheres, grown by all that may move, are within ``bar``: the first test of a pair.
+
+    It asks for neither square root nor kind of shape nor drift, and leaves a few pairs in a hundred to the others.
+    """
+    close = np.int32(0)
+    for l in range(LANES):
+        x = centre[a, 0, l] - centre[b, 0, l]
+        y = centre[a, 1, l] - centre[b, 1, l]
+        z = centre[a, 2, l] - centre[b, 2, l]
+        r = grown[a, l] + grown[b, l] + bar
+        close += np.int32(x * x + y * y + z * z <= r * r)
+    return close
+
+
+@lanes
+def grow(grown, s, bound, sway, still):
+    """Write the radius of a shape's bounding sphere, grown by what the shape may move in the world."""
+    bound = np.float32(bound)
+    for l in range(LANES):
+        grown[s, l] = bound if still else bound + sway[s, 0, l]
+
+
+@part
 def nearest_world(kind, shape_s, b, centre, s, less, drift, bar):
     """In how many lanes the gap between a bounding sphere and a shape of the world, less the drift, is within ``bar``.
 

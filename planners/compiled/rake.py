@@ -8,7 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.compiled.bounds import below, drift_of, nearest_sphere, nearest_world, take, to_sphere, to_world, widen
+from planners.compiled.bounds import (
+    below,
+    drift_of,
+    grow,
+    near,
+    nearest_sphere,
+    nearest_world,
+    take,
+    to_sphere,
+    to_world,
+    widen,
+)
 from planners.compiled.jit import kernel, lanes, part
 from planners.compiled.kinematics import place_joints, place_sphere, place_sway
 from planners.compiled.layout import (
@@ -178,6 +189,7 @@ def rake(tables, work, pairs, still, margin, slack, stop):
         rot,
         pos,
         centre,
+        grown,
         sway,
         spheres,
         known,
@@ -197,7 +209,7 @@ def rake(tables, work, pairs, still, margin, slack, stop):
     count[0] += 1
     place_joints(joint_i, joint_f, q, rot, pos)
     for s in range(known.shape[0]):
-        known[s, 0] = known[s, 1] = 0
+        known[s, 0] = known[s, 1] = shape_i[s, SHAPE_JOINT] == 0
     for l in range(LANES):
         verdict[l] = FREE
         drift[l] = np.float32(0.0)
@@ -215,6 +227,9 @@ def rake(tables, work, pairs, still, margin, slack, stop):
                 place_sphere(rot, pos, j, shape_f[s, CENTRE], shape_f[s, CENTRE + 1], shape_f[s, CENTRE + 2], centre, s)
                 if not still:
                     place_sway(joint_i, chain, reach, j, s, shape_f[s, BOUND], e, rot, pos, centre, sway, gap)
+                grow(grown, s, shape_f[s, BOUND], sway, still)
+        if near(centre, grown, a, b, bar) == 0:
+            continue
         if not still:
             drift_of(sway, a, b, fixed, pair_i[pair, PAIR_COMMON], slack, drift)
         number = pair_i[pair, PAIR_TABLE]

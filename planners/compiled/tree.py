@@ -14,7 +14,8 @@ from planners.compiled.layout import FREE
 from planners.compiled.random import uniform
 
 DOMAIN = 4.0
-"""Furthest sample that a node which failed once is extended to, L2 [rad]."""
+"""Furthest sample that a node of seven joints which failed once is extended to, L2 [rad]; it grows with the root of
+their number, as distances in a box do."""
 
 NODES = 50_000
 """Most nodes of a tree."""
@@ -121,6 +122,7 @@ def connect(tables, work, slots, start, goals, bounds, margin, slack, longest, i
     _add(nodes, parents, domain, counts, 0, start, -1)
     for g in range(goals.shape[0]):
         _add(nodes, parents, domain, counts, 1, goals[g], -1)
+    furthest = DOMAIN * np.sqrt(size / 7.0)
     state = np.full(1, seed, dtype=np.uint64)
     side, failures = 0, 0
     here, there = np.empty(size), np.empty(size)
@@ -138,7 +140,7 @@ def connect(tables, work, slots, start, goals, bounds, margin, slack, longest, i
         _towards(nodes, side, near, sample, longest, step)
         here[:] = nodes[side, :, near]
         if edge(tables, work, slots, here, step, margin, slack) != FREE:
-            domain[side, near] = DOMAIN
+            domain[side, near] = furthest
             continue
         there[:] = step
         ends[side] = _add(nodes, parents, domain, counts, side, there, near)

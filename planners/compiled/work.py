@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planners.compiled.jit import kernel
-from planners.compiled.layout import LANES
+from planners.compiled.layout import BOUND, CENTRE, LANES
 from robots.spatial import Array
 
 DEEPEST = 4096
@@ -27,9 +27,11 @@ class Work(NamedTuple):
         e: ``(slots, 16)`` how far each joint may be from them.
         rot, pos: ``(joints, 9 or 3, 16)`` poses of joints.
         centre: ``(shapes, 3, 16)`` centres of bounding spheres.
+        grown: ``(shapes, 16)`` radii of bounding spheres, grown by what the shapes may move in the world.
         sway: ``(shapes, depth + 1, 16)`` how far a point of a shape may move by the joints from a depth on.
         fine: ``(spheres, 3, 16)`` centres of fine spheres.
         known: ``(shapes, 2)`` whether centre and sway, and whether the fine spheres are up to date.
+            Shapes of the world always are.
         drift: ``(16,)`` how far the two shapes of a pair may come closer.
         gap: ``(16,)`` gap between bounds.
         deep: ``(16,)`` gap between spheres inside the shapes.
@@ -48,6 +50,7 @@ class Work(NamedTuple):
     rot: Array
     pos: Array
     centre: Singles
+    grown: Singles
     sway: Singles
     fine: Singles
     known: Bytes
@@ -73,6 +76,12 @@ def scratch(tables, slots):
     pos = np.zeros((joints, 3, LANES))
     rot[0] = 0.0
     rot[0, 0], rot[0, 4], rot[0, 8] = 1.0, 1.0, 1.0
+    centre, grown = np.empty((shapes, 3, LANES), dtype=np.float32), np.empty((shapes, LANES), dtype=np.float32)
+    known = np.ones((shapes, 2), dtype=np.uint8)
+    for s in range(shapes):
+        for i in range(3):
+            centre[s, i, :] = tables.shape_f[s, CENTRE + i]
+        grown[s, :] = tables.shape_f[s, BOUND]
     order = np.empty(pairs, dtype=np.int32)
     for k in range(pairs):
         order[k] = k
@@ -81,10 +90,11 @@ def scratch(tables, slots):
         np.zeros((slots, LANES)),
         rot,
         pos,
-        np.empty((shapes, 3, LANES), dtype=np.float32),
+        centre,
+        grown,
         np.empty((shapes, tables.chain.shape[1] + 1, LANES), dtype=np.float32),
         np.empty((tables.fine.shape[1], 3, LANES), dtype=np.float32),
-        np.zeros((shapes, 2), dtype=np.uint8),
+        known,
         np.zeros(LANES, dtype=np.float32),
         np.empty(LANES, dtype=np.float32),
         np.empty(LANES, dtype=np.float32),

@@ -19,7 +19,7 @@ class Arguments:
     paths: Path | None = None
     """Write the final paths there."""
     methods: str = "ours"
-    """Comma-separated: ours, ours-ompl, ompl-plain, roboplan (see make peers)."""
+    """Comma-separated: ours, ours-ompl, ompl-plain, roboplan, mplib (see make peers)."""
     seed: int = 1
     """Makes the run repeatable."""
     json: bool = False

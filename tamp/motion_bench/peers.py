@@ -20,7 +20,7 @@ from tamp.motion_bench.rows import Row, length_of
 FOLDER = Path(".peers")
 """Where ``make peers`` puts the environments."""
 
-PEERS = ("roboplan",)
+PEERS = ("roboplan", "mplib")
 
 
 def run_peer(name: str, problems: Sequence[Problem], *, seed: int) -> list[Row]:
