@@ -43,6 +43,9 @@ PAD_HALF = 0.011
 SHOULDER_GAP = 0.002
 """Room kept between the finger tips and what lies below the part [m]."""
 
+LID_GAP = 0.006
+"""The same below a hinged lid, which sits closer to the body's shoulder [m]."""
+
 GRASP_DEPTH = 0.030
 """The assistant's fingers reach at most this far below the top of what they grasp [m]."""
 
@@ -175,7 +178,8 @@ class HeuristicProposer:
             opening_axis = T_world_body.rotation @ part.axis * np.sign(np.cos(roll) or 1.0)
         across = np.cross(outward, opening_axis)
         along = (vertices - origin) @ outward
-        tip = max(along.min() + SHOULDER_GAP, along.max() - 2 * PAD_HALF)
+        gap = LID_GAP if part.kind == "flip" else SHOULDER_GAP
+        tip = max(along.min() + gap, along.max() - 2 * PAD_HALF)
         in_pad = (np.abs((vertices - origin) @ across) < PAD_HALF) & (along > tip - 0.02)
         if not in_pad.any():
             in_pad = along > tip - 0.02

@@ -13,7 +13,8 @@ from affordance.candidates import Proposer
 from robots.workcell import Workcell
 from tamp import plan as plan_file
 from tamp import trace as trace_file
-from tamp.execute import Camera, Execution, Outcome
+from tamp.drive import Camera
+from tamp.execute import Execution, Outcome
 from tamp.folder import EARLIER
 from tamp.operators import INITIAL
 from tamp.plan import Plan

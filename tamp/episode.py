@@ -24,8 +24,10 @@ from tamp import folder as run_folder
 from tamp import plan as plan_file
 from tamp import trace as trace_file
 from tamp.deploy import closed_loop
-from tamp.execute import Camera, Checked, Moment, Outcome, execute
+from tamp.drive import Camera
+from tamp.execute import Moment, Outcome, execute
 from tamp.folder import OUTCOME_FILE
+from tamp.monitors import Checked
 from tamp.plan import Plan, Role, StageName
 from tamp.refine import ONE_SHOT, Budget
 from tamp.rounds import SILENT, Round, Subject, Watch, ready_cell

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -22,6 +23,9 @@ from tamp.stages.operating import act
 from tamp.stages.pushing import press, push
 from tamp.timeline import StagePlans, Timeline
 from tamp.trace import Rejection
+
+ENOUGH_POSES = 5
+"""Object poses in which the primary's hand meets the object at the part before no other pose is tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +164,7 @@ class Search:
     budget: Budget
     rejections: list[Rejection] = field(default_factory=list)
     tried: list[Skeleton] = field(default_factory=list)
+    _object_hits: Counter[tuple[int, int]] = field(default_factory=Counter)
 
     def run(self, skeletons: Sequence[Skeleton]) -> Solved | Unsolved:
         """Refine the skeletons in order until one works."""
@@ -293,11 +298,15 @@ class Search:
         """Where to go back to when a level's candidates failed for these causes.
 
         Two hands that meet at the part blame the grasp: hand and part move together, so another pose cannot help.
-        A primary hand that meets the object itself does so in every pose and with every grasp: that blames the
-        anticipatory goal. Everything else blames the level before: its next candidate makes another scene.
+        A primary hand that meets the object itself does so in every pose and with every grasp: once that has happened
+        in ``ENOUGH_POSES``, each with draws of its own, it blames the anticipatory goal. Everything else blames the
+        level before: its next candidate makes another scene.
         """
         if partial.levels[depth].name == "operate" and all(hits_object(cause, partial.roles) for cause in causes):
-            return -1
+            key = (len(self.tried), partial.index[0])
+            self._object_hits[key] += len(causes) > 1
+            if self._object_hits[key] >= ENOUGH_POSES:
+                return -1
         grasp = next((d for d, level in enumerate(partial.levels[:depth]) if level.sampler == "pregrasp"), None)
         if grasp is not None and all(hands_clash(cause, partial.roles) for cause in causes):
             return grasp
