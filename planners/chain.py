@@ -62,6 +62,8 @@ class ChainPath:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", frozen(numbers(self.points, (-1, 14), "the points of a path of both arms")))
+        if len(self.points) < 2:
+            raise ValueError("a path of both arms needs at least 2 points, not 1")
         object.__setattr__(self, "T_left_right", self.T_left_right.copy())
 
     def arm(self, side: Side) -> JointPath:

@@ -113,7 +113,7 @@ def connect(
     for goal in goals:
         direct = walk(counted, start, goal)
         if np.array_equal(direct[-1], goal):
-            return np.array(direct)
+            return np.array(direct if len(direct) > 1 else [start, goal])
     here, there, forward = _Tree(start[None]), _Tree(goals), True
     for _ in range(iterations):
         reached = _grow(counted, here, rng.uniform(constraint.lower, constraint.upper))

@@ -4,23 +4,10 @@ from __future__ import annotations
 
 import pinocchio as pin
 
-FLOOR = "floor"
+from planners.meetings import decided
+from robots.workcell import SIDES
 
-APART = frozenset(
-    frozenset((f"panda_{a}", f"panda_{b}"))
-    for a, others in {
-        "link0": ("link2", "link3", "link4"),
-        "link1": ("link3", "link4"),
-        "link2": ("link4",),
-        "link3": ("link5", "link6", "link7", "hand", "leftfinger", "rightfinger"),
-        "link4": ("link6", "link7", "hand", "leftfinger", "rightfinger"),
-        "link6": ("leftfinger", "rightfinger"),
-    }.items()
-    for b in others
-)
-"""Links of one Panda that cannot meet within its joint limits: over 30 000 random configurations, a quarter of them
-with joints at their limits, the hulls of each pair stay 32 mm or more apart. Leaving them out saves a fifth of the time
-of a free state."""
+FLOOR = "floor"
 
 
 def public_name(shape: str) -> str:
@@ -33,19 +20,25 @@ def cell_pairs(model: pin.Model, geometry: pin.GeometryModel) -> list[tuple[int,
     """Pairs among arms, table and floor that can mean something.
 
     Left out: links of one arm that ride on the same joint or on joints that follow each other, and the fingers of one
-    hand (hulls of these overlap by construction); links that cannot meet (``APART``); what never moves with what never
-    moves (bases stand on or beside the table by design); and the floor with a link that only turns upon its own base.
+    hand (hulls of these overlap by construction); links of one arm that cannot meet or cannot part, as ``meetings``
+    finds for its kind of arm; what never moves with what never moves (bases stand on or beside the table by design);
+    and the floor with a link that only turns upon its own base.
     """
     shapes = [(public_name(shape.name), int(shape.parentJoint)) for shape in geometry.geometryObjects]
     parents = [int(parent) for parent in model.parents]
     pairs = []
     for b, (name_b, jb) in enumerate(shapes):
         for a, (name_a, ja) in enumerate(shapes[:b]):
-            side_a, side_b = name_a.partition("/")[0], name_b.partition("/")[0]
-            links = frozenset((name_a.partition("/")[2], name_b.partition("/")[2]))
+            side_a, side_b = _side(name_a), _side(name_b)
             joined = ja == jb or parents[ja] == jb or parents[jb] == ja or (parents[ja] == parents[jb] != 0)
             fixed = ja == jb == 0
             based = FLOOR in (name_a, name_b) and parents[max(ja, jb)] == 0
-            if not (fixed or based or (side_a == side_b and (joined or links in APART))):
+            if not (fixed or based or (side_a == side_b and joined)):
                 pairs.append((a, b))
-    return pairs
+    own = {side: [p for p in pairs if side == _side(shapes[p[0]][0]) == _side(shapes[p[1]][0])] for side in SIDES}
+    settled = {pair for side in SIDES for pair in decided(model, geometry, side, own[side])}
+    return [pair for pair in pairs if pair not in settled]
+
+
+def _side(name: str) -> str:
+    return name.partition("/")[0]

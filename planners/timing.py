@@ -131,7 +131,7 @@ def retime_together(
         raise ValueError(f"speed and scale must lie in (0, 1], not {speed} and {scale}")
     points = numbers(points, (-1, 14), "the points of a path of both arms")
     if len(points) < 2:
-        raise ValueError("a path of both arms needs at least 2 points")
+        raise ValueError("a path of both arms needs at least 2 points, not 1")
     timed = _timed(points, models, speed, scale, STRAY_TOGETHER, _jerk_limit(jerk, 14))
     return timed if isinstance(timed, NotTimeable) else Together(*timed)
 
