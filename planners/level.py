@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,8 @@ from robots.spatial import Array, unit
 from robots.trajectory import Trajectory
 
 RESERVE, RESERVE_SHARE = 0.01, 0.1
-"""How much less than allowed a search tilts the hand [rad], and at most this share of it: the timed curve bulges."""
+"""How much less than allowed waypoints tilt the hand [rad], and at most this share of it: edges use up half of it, the
+bulges of the timed curve may use the rest."""
 
 AIM = 0.3
 """How far below the limit a projection aims, as a share of it: it stays clear of the edge of the constraint."""
@@ -78,16 +80,23 @@ class Upright:
         return (self.tilt(a) + self.tilt(b) + float(np.abs(b - a).sum())) / 2
 
     def keeps(self, a: Array, b: Array, limit: float) -> bool:
-        """Whether the straight line between two configurations is proven to tilt by ``limit`` [rad] at most."""
-        lines = [(a, b)]
-        while lines:
-            p, q = lines.pop()
-            if self.bound(p, q) <= limit + FINEST:
+        """Whether the straight line between two configurations is proven to tilt by ``limit`` [rad] at most.
+
+        The line is halved, and its halves again, until the bound of every part is within ``FINEST`` of the limit.
+        """
+        parts = [(0.0, 1.0, self.tilt(a), self.tilt(b))]
+        if max(parts[0][2:]) > limit:
+            return False
+        turn = float(np.abs(b - a).sum())
+        while parts:
+            begin, end, first, last = parts.pop()
+            if (first + last + (end - begin) * turn) / 2 <= limit + FINEST:
                 continue
-            middle = (p + q) / 2
-            if self.tilt(middle) > limit or self.tilt(q) > limit + 1e-9 or self.tilt(p) > limit + 1e-9:
+            middle = (begin + end) / 2
+            tilt = self.tilt(a + middle * (b - a))
+            if tilt > limit:
                 return False
-            lines += [(p, middle), (middle, q)]
+            parts += [(begin, middle, first, tilt), (middle, end, tilt, last)]
         return True
 
     def project(self, q: Array, limit: float, lower: Array, upper: Array) -> Array | None:
@@ -125,7 +134,8 @@ def plan_level(
 
     RRT-Connect with every step projected, then shortened and smoothed by the same rules. Each edge is proven free, as
     in ``motion.plan``, and proven upright: between two states the axis turns by no more than the joints do. The search
-    stays a little inside the limit, so that a timed curve may bulge; ``certify_level`` proves that curve. The same
+    stays a little inside the limit but for start and goal, so that a timed curve may bulge; ``certify_level`` proves
+    that curve. The same
     arguments give the same path.
 
     Args:
@@ -157,8 +167,7 @@ def plan_level(
         return NoPath(Tilted("goal", upright.tilt(least), tilt))
     usable.sort(key=lambda goal: float(np.linalg.norm(goal - start)))
     ends = np.array([start, *usable])
-    limit = max(tilt - min(RESERVE, RESERVE_SHARE * tilt), *(upright.tilt(q) for q in ends))
-    constraint = _constraint(world, upright, ends, q_other, limit)
+    constraint = _constraint(world, upright, ends, q_other, tilt)
     rng = np.random.default_rng(seed)
     raw = connect(constraint, start, np.array(usable), rng=rng, iterations=iterations)
     if isinstance(raw, Spent):
@@ -217,18 +226,24 @@ def _turns(trajectory: Trajectory, begins: Array, ends: Array) -> Array:
     return np.asarray(most.sum(axis=1))
 
 
-def _constraint(world: CollisionWorld, upright: Upright, ends: Array, q_other: Array, limit: float) -> Constraint:
-    """An upright hand among obstacles, a little inside the joint limits but for the configurations ``ends``."""
-    arm = upright.arm
+def _constraint(world: CollisionWorld, upright: Upright, ends: Array, q_other: Array, tilt: float) -> Constraint:
+    """An upright hand among obstacles; waypoints keep the reserve and some room to joint limits, ``ends`` need not."""
+    arm, reserve = upright.arm, min(RESERVE, RESERVE_SHARE * tilt)
     motion = world.motion([arm.side], both_arms(arm, ends[0], q_other))
     lower = np.minimum(arm.lower + INSET, ends.min(axis=0))
     upper = np.maximum(arm.upper - INSET, ends.max(axis=0))
 
-    def edge(a: Array, b: Array) -> bool:
-        free = motion.path(np.stack([a, b]), world.margin, SLACK * world.margin)[1] == FREE
-        return free and upright.keeps(a, b, limit)
+    def project(q: Array) -> Array | None:
+        is_end = bool((q == ends).all(axis=1).any())
+        return q if is_end else upright.project(q, tilt - reserve, lower, upper)
 
-    return Constraint(lambda q: upright.project(q, limit, lower, upper), edge, lower, upper)
+    def edge(a: Array, b: Array) -> bool:
+        if motion.path(np.stack([a, b]), world.margin, SLACK * world.margin)[1] != FREE:
+            return False
+        needed = max(tilt - reserve, upright.tilt(a), upright.tilt(b))
+        return upright.keeps(a, b, min(tilt, needed + reserve / 2))
+
+    return Constraint(project, edge, lower, upper)
 
 
 def _tilted(upright: Upright, start: Array, goals: Array, limit: float) -> Tilted | None:
@@ -248,4 +263,5 @@ def _allowed(tilt: float) -> float:
 
 def _from_vertical(axis: Array) -> float:
     """Angle of a unit vector ``(3,)`` from the vertical [rad]; exact also near zero."""
-    return float(np.arctan2(np.hypot(axis[0], axis[1]), axis[2]))
+    x, y, z = axis.tolist()
+    return math.atan2(math.hypot(x, y), z)

@@ -126,7 +126,8 @@ def test_no_state_of_an_edge_tilts_more_than_its_bound(arms: DualArm, seed: int)
     worst = max(upright.tilt(a + (b - a) * share) for share in np.linspace(0.0, 1.0, 60))
     assert worst <= upright.bound(a, b) + 1e-12
     assert not upright.keeps(a, b, worst - 1e-3) or worst < 1e-3
-    assert upright.keeps(a, b, worst + 1e-3)
+    between = float(np.abs(b - a).sum()) / 59 / 2  # what the samples may have missed
+    assert upright.keeps(a, b, worst + between)
 
 
 def test_a_tilted_start_or_goal_is_refused_with_its_angle(
