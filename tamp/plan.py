@@ -274,18 +274,16 @@ def _check_shapes(plan: Plan, origin: str) -> None:
                 if isinstance(step, Motion):
                     step.trajectory()
                 if step.meanwhile is not None:
-                    _check_meanwhile(step.meanwhile, stage.arm, step.duration)
+                    _check_meanwhile(step.meanwhile, step.duration)
     except ValueError as error:
         raise BadRunFolder(f"{origin}, {where}: {error}.") from error
     if not plan.stages or plan.assistant == plan.primary:
         raise BadRunFolder(f"{origin} holds no usable plan: {len(plan.stages)} stages, roles share an arm or none.")
 
 
-def _check_meanwhile(meanwhile: Meanwhile, arm: Side, duration: float) -> None:
+def _check_meanwhile(meanwhile: Meanwhile, duration: float) -> None:
     """``ValueError`` when the other arm's part cannot be done during a step."""
     meanwhile.trajectory()
-    if meanwhile.arm == arm:
-        raise ValueError(f"the {arm} arm cannot do two things at once")
     if meanwhile.begin < 0.0 or meanwhile.end > duration + 1e-6:
         raise ValueError(f"what the {meanwhile.arm} arm does meanwhile lasts longer than the step")
 

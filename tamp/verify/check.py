@@ -239,6 +239,10 @@ class _Check:
         """Look at what the other arm does during a step, and make ready to place it at any time of the step."""
         part = stage.steps[number].meanwhile
         self.part = None
+        if part is not None and part.arm == stage.arm:
+            self.say("jump", f"the {part.arm} arm cannot be in two places at once")
+            self.speed = np.zeros(7)
+            return
         if part is None:
             if np.abs(self.speed).max() > REST:
                 self.say("not_at_rest", f"the {other(stage.arm)} arm stops at once where it was moving")

@@ -11,8 +11,9 @@ from msgspec.structs import replace
 
 from robots.model import DualArm
 from tamp import plan as plan_file
+from tamp.drive import reversed_motion
 from tamp.episode import Report
-from tamp.execute import Outcome, execute, reversed_motion
+from tamp.execute import Outcome, execute
 from tamp.plan import Motion, Plan
 from worlds import physics, scene
 from worlds.assets import library

@@ -230,7 +230,7 @@ def test_only_execution_verifier_and_record_read_where_the_simulator_has_the_obj
         and len(node.args) < 2
         and node.func.attr in ("object_pose", "object_vertices", "object_bounds", "joint_position")
     }
-    assert readers == {"tamp/execute.py", "tamp/deploy.py", "tamp/verify/check.py"}
+    assert readers == {"tamp/monitors.py", "tamp/deploy.py", "tamp/verify/check.py"}
 
 
 def test_the_uniform_proposer_reads_nothing_privileged() -> None:
