@@ -70,6 +70,8 @@ class GoalCandidate:
         outward: Unit vector ``(3,)`` in the world frame from the part towards free space: the way the part must face
             to be exposed.
         score: Higher is better.
+        vouched: Whether the proposer knows that the fingers meet nothing of the object on their straight way there. The
+            planner's own solid holds everything that the camera could not see, and would often object.
     """
 
     kind: OperationKind
@@ -80,6 +82,7 @@ class GoalCandidate:
     amount: float
     outward: Array
     score: float
+    vouched: bool = False
 
     def __post_init__(self) -> None:
         for name in ("direction", "point", "outward"):

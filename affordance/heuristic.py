@@ -20,7 +20,7 @@ from affordance.candidates import (
     Roles,
     SceneView,
 )
-from affordance.grip import grip_at
+from affordance.grip import FINGER_HALF, FINGER_THICK, SPARE, grip_at
 from affordance.preparing import Body, edge_grasps, near_edge, presses, pushes, rim_grasps
 from robots.spatial import Array, hand_rotation, perpendicular, points, rotation_about, unit
 from robots.workcell import Gripper
@@ -58,8 +58,8 @@ PALM_ROOM = 0.036
 STOOP = np.radians(30.0)
 """Largest angle by which the hand points below the horizon when it grasps a standing object [rad]."""
 
-FINGER_THICK = 0.016
-"""How far a finger reaches outwards from its pad [m]."""
+APPROACH = 0.11
+"""How far back from a contact the straight way to it begins [m]."""
 
 OUT_ON_LEVER = 0.007
 """How far beyond its best spot a lever is pressed [m]: most of a finger tip's half width."""
@@ -153,6 +153,7 @@ class HeuristicProposer:
             amount=min(0.75 * travel, needed + 0.005),
             outward=outward,
             score=1.0,
+            vouched=self._way_is_clear(T_world_body, pin.SE3(R, point + self.gripper.tip_offset * outward), 0.0),
         )
 
     def _further_out(self, T_world_body: pin.SE3, outward: Array) -> Array:
@@ -189,16 +190,27 @@ class HeuristicProposer:
         if half > self.gripper.finger_travel:
             return None
         centre = origin + outward * tip + opening_axis * (spread.max() + spread.min()) / 2
+        R = hand_rotation(-outward, opening_axis)
+        T_world_hand = pin.SE3(R, centre + outward * self.gripper.tip_offset)
+        opening = min(self.gripper.finger_travel, half + 0.010)
         return GoalCandidate(
             kind=part.kind,
-            T_world_hand=pin.SE3(hand_rotation(-outward, opening_axis), centre + outward * self.gripper.tip_offset),
-            opening=min(self.gripper.finger_travel, half + 0.010),
+            T_world_hand=T_world_hand,
+            opening=opening,
             direction=T_world_body.rotation @ part.axis,
             point=hinge,
             amount=self._amount(),
             outward=outward,
             score=1.0 - width,
+            vouched=self._way_is_clear(T_world_body, T_world_hand, opening),
         )
+
+    def _way_is_clear(self, T_world_body: pin.SE3, T_world_hand: pin.SE3, opening: float) -> bool:
+        """Whether open fingers coming straight to a hand pose pass beside everything of the true object."""
+        seen = points(T_world_hand.inverse() * T_world_body, self.truth.surface)
+        aside, ahead = np.abs(seen[:, 1]), seen[:, 2] < self.gripper.tip_offset - 0.001
+        near = (np.abs(seen[:, 0]) < FINGER_HALF) & ahead & (seen[:, 2] > -APPROACH)
+        return not (near & (aside > opening - SPARE) & (aside < opening + FINGER_THICK)).any()
 
     def _amount(self) -> float:
         part = self._part()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -60,7 +61,8 @@ def _with(
     cell: Cell, situation: Situation, side: Side, goal: GoalCandidate, T_contact: pin.SE3, q: Array
 ) -> list[Draft] | Reject:
     mine = touching(cell.workcell, side)
-    near = situation.setting(openings={side: goal.opening})
+    apart = situation.setting(openings={side: goal.opening})
+    near = replace(apart, ignored=mine) if goal.vouched else apart
     way = cell.approach(near, side, q, situation)
     if isinstance(way, Reject):
         return way
@@ -85,7 +87,7 @@ def _with(
     speed = PRESS_SPEED if goal.kind == "press" else OPERATE_SPEED
     steps: list[Leg | Squeeze] = [
         *cell.ready(side, goal.opening, situation, near.allowed),
-        Leg(side, "free", way.points[0], FREE_SPEED, near),
+        Leg(side, "free", way.points[0], FREE_SPEED, apart),
         Leg(side, "approach", way, CONTACT_SPEED, near),
     ]
     if goal.kind != "press":
