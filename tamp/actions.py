@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from affordance.candidates import ContactCandidate, GoalCandidate, PregraspCandidate
+from affordance.candidates import ContactCandidate, GoalCandidate, PoseCandidate, PregraspCandidate
 from robots.model import DualArm
 from robots.spatial import Array, unit
 from robots.workcell import Workcell
@@ -31,14 +31,19 @@ def _action(draft: Draft, candidate: Any, arms: DualArm, workcell: Workcell) -> 
     T_world_hand, opening = arms[side].hand(draft.after.q[side]), draft.after.openings[side]
     contact: Array | None = None
     travel = T_world_hand.translation - arms[side].hand(draft.before.q[side]).translation
+    kind, outward, start, T_move = "", np.zeros(3), np.zeros(3), pin.SE3.Identity()
     match candidate:
         case GoalCandidate():
             T_world_hand, opening, contact = candidate.T_world_hand, candidate.opening, candidate.point
             travel = candidate.amount * candidate.direction
+            kind, outward = candidate.kind, candidate.outward
         case PregraspCandidate():
             T_world_hand, opening, travel = candidate.T_world_hand, candidate.opening, np.zeros(3)
         case ContactCandidate():
             T_world_hand, opening, travel = candidate.T_world_hand, candidate.opening, candidate.travel
+            start, T_move = np.zeros(3) if candidate.start is None else candidate.start, candidate.T_move
+        case PoseCandidate():
+            T_move = candidate.T_move
     if contact is None:
         contact = _tool_centre(T_world_hand, workcell.arm(side).gripper.tcp_offset)
     amount = float(np.linalg.norm(travel))
@@ -52,6 +57,10 @@ def _action(draft: Draft, candidate: Any, arms: DualArm, workcell: Workcell) -> 
         amount=amount if amount > STILL else 0.0,
         opening=float(opening),
         score=float(draft.score),
+        kind=kind,
+        outward=outward,
+        start=start,
+        T_move=T_move.homogeneous,
     )
 
 

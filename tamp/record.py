@@ -74,6 +74,16 @@ CHECK_OF_CAUSE = {
 PASSED, FAILED, UNKNOWN = 1, 0, -1
 """Labels of a check; unknown where it was not reached."""
 
+ACTION_ARRAYS: dict[str, tuple[int, ...]] = {
+    "T_world_hand": (4, 4),
+    "contact": (3,),
+    "direction": (3,),
+    "outward": (3,),
+    "start": (3,),
+    "T_move": (4, 4),
+}
+"""The arrays of an action and their shapes."""
+
 Points = np.ndarray[Any, np.dtype[np.float32]]
 Links = np.ndarray[Any, np.dtype[np.uint8]]
 
@@ -142,6 +152,11 @@ class Action:
         amount: How far [m], or how much it turns [rad].
         opening: Opening of one finger at the contact [m].
         score: The proposer's score.
+        kind: What is done there, as in ``GoalCandidate``; empty in a stage that is no goal.
+        outward: ``(3,)`` as in ``GoalCandidate``; zero in a stage that is no goal.
+        start: ``(3,)`` as in ``ContactCandidate`` [m]; zero where the hand comes straight down.
+        T_move: ``(4, 4)`` how the object was expected to move from where it was first seen, in the world frame;
+            identity in a stage that does not move it.
     """
 
     stage: str
@@ -153,9 +168,13 @@ class Action:
     amount: float
     opening: float
     score: float
+    kind: str
+    outward: Array
+    start: Array
+    T_move: Array
 
     def __post_init__(self) -> None:
-        for name, shape in (("T_world_hand", (4, 4)), ("contact", (3,)), ("direction", (3,))):
+        for name, shape in ACTION_ARRAYS.items():
             array = frozen(getattr(self, name))
             if array.shape != shape:
                 raise ValueError(f"{name} of an action has shape {shape}, not {array.shape}")

@@ -10,8 +10,8 @@ one rename, whole or not at all, and any later damage to any byte shows. Inside:
                          success, outcome, failure_stage, failure_reason, failure_detail, versions (JSON)
     clouds/MOMENT/       points (n, 3) float32 [m], normals (n, 3) float32, links (n,) uint8; attribute link_names
     poses/MOMENT         (links, 4, 4) float64, world frame; attribute link_names
-    actions/             stage, arm, role, T_world_hand (k, 4, 4), contact (k, 3), direction (k, 3), amount, opening,
-                         score
+    actions/             stage, arm, role, kind, T_world_hand (k, 4, 4), contact (k, 3), direction (k, 3), amount,
+                         opening, score, outward (k, 3), start (k, 3), T_move (k, 4, 4)
     rejections/          stage, arm, role, cause, detail, blame, skeleton, candidate, amount (nan: none),
                          T_world_hand (m, 4, 4; nan: none), body and other_body that collide (empty: none),
                          checks (m, 5) int8 of ik, collision, path, timing, certificate: 1 passed, 0 failed, -1 unknown
@@ -34,10 +34,10 @@ import numpy as np
 
 from robots.cache import write_atomic
 from robots.errors import BadRunFolder, MissingDependency
-from tamp.record import CHECKS, MOMENTS, Action, Cloud, Recorded, check_labels
+from tamp.record import ACTION_ARRAYS, CHECKS, MOMENTS, Action, Cloud, Recorded, check_labels
 from tamp.trace import Failure, Rejection
 
-FORMAT, VERSION = "bipremanip-data", 1
+FORMAT, VERSION = "bipremanip-data", 2
 NAME = re.compile(r"shard-(\d{5,})-([0-9a-f]{12})\.h5")
 
 COMPRESSION = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
@@ -47,8 +47,7 @@ SHORT = 16
 """Rows below which compression costs more than it saves."""
 
 SCALARS = ("seed", "category", "instance", "source", "content_hash", "split", "task_type", "instruction", "proposer")
-ACTION_WORDS, ACTION_NUMBERS = ("stage", "arm", "role"), ("amount", "opening", "score")
-ACTION_ARRAYS = {"T_world_hand": (4, 4), "contact": (3,), "direction": (3,)}
+ACTION_WORDS, ACTION_NUMBERS = ("stage", "arm", "role", "kind"), ("amount", "opening", "score")
 REJECTION_WORDS, REJECTION_COUNTS = ("stage", "arm", "role", "cause", "detail", "blame"), ("skeleton", "candidate")
 
 

@@ -22,7 +22,10 @@ def cloud(rng: np.random.Generator) -> Cloud:
 
 
 def action(stage: str, rng: np.random.Generator) -> Action:
-    return Action(stage, "left", "assistant", np.eye(4), rng.normal(size=3), [0.0, 0.0, 1.0], 0.12, 0.03, 0.5)
+    return Action(
+        stage, "left", "assistant", np.eye(4), rng.normal(size=3), [0.0, 0.0, 1.0], 0.12, 0.03, 0.5, "press",
+        rng.normal(size=3), [0.0, 0.02, 0.0], np.eye(4),
+    )  # fmt: skip
 
 
 def rejections() -> tuple[Rejection, ...]:
