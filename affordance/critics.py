@@ -12,13 +12,11 @@ from affordance.frames import MOVE
 from affordance.heads import joined, mlp
 from affordance.pointnet2 import POINT, WHOLE, Encoder
 from affordance.settings import Settings
+from affordance.stations import STAGES
 from affordance.tokens import ACTION, SCENE, TOKEN, Tokens
 
 POSE = 64
 """Features of an object's motion."""
-
-STAGES = ("pregrasp", "lift", "reorient", "push", "press", "operate", "grasp", "present")
-"""Stages that candidates are proposed for, in the order of their one-hot channels."""
 
 CHECKS = ("ik", "collision", "plan")
 """What the planner checks, in the order of the feasibility critic's answers; ``plan`` is everything after collision."""
@@ -81,11 +79,11 @@ class PoseCritic(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.move = nn.Linear(MOVE, POSE)
-        self.judge = mlp(WHOLE + POSE + 2 * ACTION + TOKEN, 1)
+        self.judge = mlp(WHOLE + POSE + 2 * ACTION + 2 * TOKEN, 1)
 
-    def forward(self, whole: Tensor, move: Tensor, text: Tensor, goal: Tensor, pre: Tensor) -> Tensor:
-        """Logits ``(...)`` of motions ``(..., 9)`` for cloud ``(B, 128)``, text token ``(B, 32)`` and both actions."""
-        return _one(self.judge(joined(whole, self.move(move), goal, pre, text)))
+    def forward(self, whole: Tensor, move: Tensor, text: Tensor, place: Tensor, goal: Tensor, pre: Tensor) -> Tensor:
+        """Logits ``(...)`` of motions ``(..., 9)`` for cloud ``(B, 128)``, tokens ``(B, 32)`` and both actions."""
+        return _one(self.judge(joined(whole, self.move(move), goal, pre, text, place)))
 
 
 class FeasibilityCritic(nn.Module):

@@ -32,6 +32,9 @@ MOVE = CODE + 3
 EDGE = 4
 """Numbers of a table edge; all are zero where the task has none."""
 
+PLACE = 5
+"""Numbers of where an object is to be held: all are zero where the task does not lift it for the other hand."""
+
 IDENTITY = (0.0, 0.0, 1.0, 0.0, 1.0, 0.0)
 """The code of no rotation."""
 
@@ -111,6 +114,18 @@ class Frame:
         offset = on_edge - self.centre
         inside = (offset * outward).sum(-1, keepdim=True)
         return torch.cat([self.directions(outward)[:, :2], inside / SCALE, -offset[:, 2:] / SCALE], dim=-1)
+
+    def places(self, middle: Tensor, towards: Tensor) -> Tensor:
+        """Where an object is to be held and for whom, as ``(B, 5)`` numbers.
+
+        Args:
+            middle: ``(B, 3)`` middle of the space that both arms, or the arm and the human, reach [m].
+            towards: ``(B, 3)`` horizontal unit vectors from there to the primary arm's base, or to the human.
+
+        Returns:
+            From the centre to that middle in units of ``SCALE``, and the first two coordinates of the direction.
+        """
+        return torch.cat([self.points(middle[:, None])[:, 0], self.directions(towards)[:, :2]], dim=-1)
 
     def _turn(self) -> Tensor:
         """``(B, 3, 3)`` rotations about the vertical."""

@@ -14,7 +14,7 @@ from torch.nn import functional
 from affordance.flow import Flow
 from affordance.frames import CODE, code_of, flipped, rotation_of
 from affordance.heads import CVAE, Head, drawn
-from affordance.networks import WIDEST
+from affordance.networks import WIDEST, Operation
 from affordance.settings import Losses, Weights
 
 CLAMP = 1e-6
@@ -32,6 +32,9 @@ class Parts:
         pose_hand: Of the holding hand's motion.
         opening_goal: Of how wide the primary's fingers are open.
         opening_pre: Of how wide the assistant's are.
+        reach_goal: Of where the primary's finger tips are.
+        reach_pre: Of where the assistant's are.
+        operation: Of what the primary does.
         push: Of where a push goes.
         affordance_goal: Of the primary's map.
         affordance_pre: Of the assistant's map.
@@ -47,6 +50,9 @@ class Parts:
     pose_hand: Tensor
     opening_goal: Tensor
     opening_pre: Tensor
+    reach_goal: Tensor
+    reach_pre: Tensor
+    operation: Tensor
     push: Tensor
     affordance_goal: Tensor
     affordance_pre: Tensor
@@ -62,6 +68,8 @@ def total(parts: Parts, losses: Losses) -> Tensor:
         "orientation": losses.w_orientation,
         "pose": losses.w_pose,
         "opening": losses.w_opening,
+        "reach": losses.w_reach,
+        "operation": losses.w_operation,
         "push": losses.w_push,
         "affordance": losses.w_affordance,
         "critic": losses.w_critic,
@@ -168,17 +176,48 @@ def opening_loss(opening: Tensor, true: Tensor, mask: Tensor) -> Tensor:
     return masked_mean((opening - true).abs(), mask) / WIDEST
 
 
-def push_loss(heading: Tensor, length: Tensor, heading_true: Tensor, length_true: Tensor, mask: Tensor) -> Tensor:
-    """Error of pushes: one less the cosine between headings ``(..., 2)``, and that of the length in units of ``SCALE``.
+def reach_loss(reach: Tensor, true: Tensor, mask: Tensor) -> Tensor:
+    """Mean absolute error of offsets ``(..., 3)`` in units of ``SCALE``."""
+    return masked_mean((reach - true).abs().mean(-1), mask)
+
+
+def push_loss(
+    push: tuple[Tensor, Tensor, Tensor], heading: Tensor, length: Tensor, behind: Tensor, pushed: Tensor, mask: Tensor
+) -> Tensor:
+    """Error of pushes and presses.
 
     Args:
-        heading: Unit vectors.
-        length: ``(...)``.
-        heading_true: Unit vectors.
-        length_true: ``(...)``.
-        mask: ``(...)`` rows that were pushes and successes.
+        push: What ``PreAffordance.push`` says.
+        heading: True unit vectors ``(..., 2)``; one less the cosine counts, where it was a push.
+        length: True lengths ``(...)`` in units of ``SCALE``; the absolute error counts.
+        behind: Booleans ``(...)``, whether it came from behind; the cross entropy counts, where it was a push.
+        pushed: Booleans ``(...)``, whether it was a push and not a press.
+        mask: ``(...)`` rows that were either, and successes.
     """
-    return masked_mean(1.0 - (heading * heading_true).sum(-1) + (length - length_true).abs(), mask)
+    way, far, logit = push
+    cross = functional.binary_cross_entropy_with_logits(logit, behind.to(logit.dtype), reduction="none")
+    aside = torch.where(pushed, 1.0 - (way * heading).sum(-1) + 0.2 * cross, torch.zeros_like(far))
+    return masked_mean(aside + (far - length).abs(), mask)
+
+
+def operation_loss(found: Operation, true: Operation, mask: Tensor, losses: Losses) -> Tensor:
+    """Error of what is done at the goal.
+
+    The kind's cross entropy, one less the cosine of both directions, the mean absolute error of the point, and the
+    quantile loss of the amount (Koenker and Bassett, "Regression Quantiles", Econometrica 1978, eq. 2.1).
+
+    Args:
+        found: What the network says.
+        true: What was done; ``kinds`` is one-hot.
+        mask: ``(...)`` rows that count: successes.
+        losses: Which quantile of the amounts is learned.
+    """
+    kinds = -(functional.log_softmax(found.kinds, dim=-1) * true.kinds).sum(-1)
+    ways = 2.0 - (found.direction * true.direction).sum(-1) - (found.outward * true.outward).sum(-1)
+    short = true.amount - found.amount
+    amount = torch.maximum(losses.enough * short, (losses.enough - 1.0) * short)
+    point = (found.point - true.point).abs().mean(-1)
+    return masked_mean(0.3 * kinds + ways + 4.0 * point + 2.0 * amount, mask)
 
 
 def affordance_loss(scores: Tensor, targets: Tensor, mask: Tensor) -> Tensor:

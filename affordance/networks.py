@@ -6,9 +6,13 @@ Pose Predictor and the Reorient Actor follow from what it says. Widths in commen
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import get_args
+
 import torch
 from torch import Tensor, nn
 
+from affordance.candidates import OperationKind
 from affordance.critics import Critics
 from affordance.flow import Flow
 from affordance.frames import CODE, IDENTITY
@@ -20,6 +24,12 @@ from affordance.tokens import ACTION, SCENE, TOKEN, Tokens
 WIDEST = 0.04
 """Largest opening of one finger [m]: the Franka hand's."""
 
+KINDS: tuple[OperationKind, ...] = get_args(OperationKind)
+"""What can be done at the goal, in the order of the network's answers."""
+
+STROKE = 0.05
+"""Length that is one where a motion of the primary is told [m]; turns are told in radians."""
+
 ANY_ORIENTATION = (0.0,) * CODE
 """Orientations at a contact are drawn around no one in particular."""
 
@@ -27,8 +37,27 @@ NO_MOVE = (*IDENTITY, 0.0, 0.0, 0.0)
 """Motions are drawn around staying where one is."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Operation:
+    """What is done at a contact; vectors are in the frame of the hand, whichever way it is turned.
+
+    Attributes:
+        kinds: Logits ``(..., 6)`` of ``KINDS``.
+        direction: Unit vectors ``(..., 3)`` as in ``GoalCandidate``.
+        outward: Unit vectors ``(..., 3)`` as in ``GoalCandidate``.
+        point: ``(..., 3)`` as in ``GoalCandidate``, from between the finger tips, in units of ``SCALE``.
+        amount: ``(...)`` in units of ``STROKE``, or radians.
+    """
+
+    kinds: Tensor
+    direction: Tensor
+    outward: Tensor
+    point: Tensor
+    amount: Tensor
+
+
 class Contact(nn.Module):
-    """Where one arm acts, how its hand is turned there and how wide it is open."""
+    """Where one arm acts, how its hand is turned there, where its tips are and how wide it is open."""
 
     def __init__(self, settings: Settings, given: int) -> None:
         """Build it for ``given`` features of whatever is known beforehand."""
@@ -36,6 +65,7 @@ class Contact(nn.Module):
         self.scorer = mlp(POINT + given, 1)
         self.orientation = _head(settings, POINT + TOKEN + given, ANY_ORIENTATION)
         self.spread = mlp(POINT + 2 * TOKEN + given, 1)
+        self.offset = mlp(POINT + 2 * TOKEN + given, 3)
 
     def scores(self, points: Tensor, given: Tensor) -> Tensor:
         """Affordance ``(B, P)`` in ``[0, 1]`` of points ``(B, P, 128)``; ``given`` is ``(B, ...)``."""
@@ -51,12 +81,27 @@ class Contact(nn.Module):
         out: Tensor = self.spread(joined(condition, direction))
         return WIDEST * torch.sigmoid(out.squeeze(-1))
 
+    def reach(self, condition: Tensor, direction: Tensor) -> Tensor:
+        """From the point to between the finger tips ``(..., 3)``, in the frame of the hand and units of ``SCALE``."""
+        out: Tensor = self.offset(joined(condition, direction))
+        return out
+
 
 class GoalAffordance(Contact):
     """Where and how the primary acts; ``given`` is the scene (64)."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings, SCENE)
+        self.what = mlp(POINT + 2 * TOKEN + SCENE, len(KINDS) + 10)
+
+    def operation(self, condition: Tensor, direction: Tensor) -> Operation:
+        """What is done there, for the token ``(..., 32)`` of a hand's orientation."""
+        out: Tensor = self.what(joined(condition, direction))
+        kinds, way, outward, point, amount = out.split((len(KINDS), 3, 3, 3, 1), dim=-1)
+        unit = nn.functional.normalize
+        return Operation(
+            kinds, unit(way, dim=-1), unit(outward, dim=-1), point, nn.functional.softplus(amount.squeeze(-1))
+        )
 
 
 class PreAffordance(Contact):
@@ -64,20 +109,21 @@ class PreAffordance(Contact):
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings, SCENE + ACTION)
-        self.motion = mlp(POINT + 2 * TOKEN + SCENE + ACTION, 3)
+        self.motion = mlp(POINT + 2 * TOKEN + SCENE + ACTION, 4)
 
-    def push(self, condition: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
-        """How a hand that pushes moves on.
+    def push(self, condition: Tensor, direction: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """How a hand that pushes or presses moves on.
 
         Args:
             condition: Of the contact.
             direction: ``(..., 32)`` token of the hand's orientation.
 
         Returns:
-            The horizontal unit vector ``(..., 2)`` along which it moves, and how far ``(...)`` in units of ``SCALE``.
+            The horizontal unit vector ``(..., 2)`` along which it pushes, how far ``(...)`` it pushes or presses down
+            in units of ``SCALE``, and the logit ``(...)`` of coming from behind instead of from above.
         """
         out: Tensor = self.motion(joined(condition, direction))
-        return nn.functional.normalize(out[..., :2], dim=-1), nn.functional.softplus(out[..., 2])
+        return nn.functional.normalize(out[..., :2], dim=-1), nn.functional.softplus(out[..., 2]), out[..., 3]
 
 
 class PosePredictor(nn.Module):
@@ -85,11 +131,11 @@ class PosePredictor(nn.Module):
 
     def __init__(self, settings: Settings) -> None:
         super().__init__()
-        self.move = _head(settings, WHOLE + SCENE + 2 * ACTION, NO_MOVE)
+        self.move = _head(settings, WHOLE + TOKEN + SCENE + 2 * ACTION, NO_MOVE)
 
-    def condition(self, whole: Tensor, scene: Tensor, goal: Tensor, pre: Tensor) -> Tensor:
-        """What motions are drawn under (576): the cloud's features, the scene and both actions."""
-        return joined(whole, scene, goal, pre)
+    def condition(self, whole: Tensor, place: Tensor, scene: Tensor, goal: Tensor, pre: Tensor) -> Tensor:
+        """What motions are drawn under (608): the cloud's features, the place, the scene and both actions."""
+        return joined(whole, place, scene, goal, pre)
 
 
 class ReorientActor(nn.Module):

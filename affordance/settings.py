@@ -51,6 +51,9 @@ class Losses(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     w_orientation: float = 1.0
     w_pose: float = 1.0
     w_opening: float = 1.0
+    w_reach: float = 4.0
+    """Of where the finger tips are; an error of 10 mm is 0.04 in units of ``SCALE``."""
+    w_operation: float = 1.0
     w_push: float = 1.0
     w_affordance: float = 1.0
     w_critic: float = 1.0
@@ -69,6 +72,10 @@ class Losses(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Whether critics see through an encoder of their own, so that their losses do not reach the actors' one."""
     pose_critic: bool = True
     """Whether object poses have a critic, which the paper does not have."""
+    enough: float = 0.7
+    """Quantile of the amounts of motion that is learned: too little never opens a part, more is stopped by a force."""
+    label_every: int = 3
+    """Steps between two in which affordances are labelled and learned, which costs as much as all the rest."""
     zero_latent: bool = False
     """Whether poses are predicted with the latent at zero instead of drawn."""
 
@@ -113,6 +120,7 @@ PROFILES: dict[str, Profile] = {
     "paper": Profile(points=8192, centres=(1024, 256, 64, 16)),
     "default": Profile(points=2048, centres=(512, 128, 32, 16)),
     "cpu": Profile(points=1024, centres=(256, 64, 32, 16)),
+    "shipped": Profile(points=512, centres=(128, 48, 24, 12), neighbours=16),
     "test": Profile(points=256, centres=(64, 32, 16, 8)),
 }
 """Sizes of a cloud by name."""

@@ -1,11 +1,11 @@
-"""How do an instruction, a table edge, a contact and an orientation enter the networks? Each through one linear map."""
+"""How do instruction, table edge, place, contact and orientation enter the networks? Each through one linear map."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
 
-from affordance.frames import CODE, EDGE
+from affordance.frames import CODE, EDGE, PLACE
 from affordance.heads import joined
 from affordance.pointnet2 import POINT, WHOLE
 from affordance.text import TEXT
@@ -26,6 +26,7 @@ class Tokens(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.text, self.edge = nn.Linear(TEXT, TOKEN), nn.Linear(EDGE, TOKEN)
+        self.place = nn.Linear(PLACE, TOKEN)
         self.contact, self.direction = nn.Linear(3, TOKEN), nn.Linear(CODE, TOKEN)
         self.no_action = nn.Parameter(torch.zeros(ACTION))
         self.no_cloud = nn.Parameter(torch.zeros(WHOLE))

@@ -25,14 +25,17 @@ from affordance.losses import (
     hand_angle,
     masked_mean,
     opening_loss,
+    operation_loss,
     orientation_loss,
     pose_loss,
     prior_angles,
     push_loss,
+    reach_loss,
     relay_label,
     total,
     warmed,
 )
+from affordance.networks import Operation
 from affordance.settings import PRESETS, losses_of
 from robots.errors import UnknownName
 from robots.spatial import angle_between
@@ -157,10 +160,32 @@ def test_openings_and_pushes_are_judged_on_a_common_scale() -> None:
     opening = torch.tensor([0.01, 0.0])
     assert float(opening_loss(opening, torch.tensor([0.03, 0.04]), mask)) == pytest.approx(0.5)
     ahead, aside = torch.tensor([[1.0, 0.0]] * 2), torch.tensor([[0.0, 1.0]] * 2)
-    length = torch.tensor([0.5, 0.5])
-    assert float(push_loss(ahead, length, ahead, length, mask)) == 0.0
-    assert float(push_loss(ahead, length, aside, length + 0.2, mask)) == pytest.approx(1.2)
-    assert float(push_loss(ahead, length, -ahead, length, mask)) == pytest.approx(2.0)
+    length, sure, behind = torch.tensor([0.5, 0.5]), torch.tensor([100.0, 100.0]), torch.tensor([True, True])
+    press = torch.tensor([False, False])
+
+    def push(way: torch.Tensor, far: torch.Tensor, pushed: torch.Tensor = behind) -> float:
+        return float(push_loss((ahead, length, sure), way, far, behind, pushed, mask))
+
+    assert push(ahead, length) == 0.0
+    assert push(aside, length + 0.2) == pytest.approx(1.2)
+    assert push(-ahead, length) == pytest.approx(2.0)
+    assert push(-ahead, length + 0.2, press) == pytest.approx(0.2)
+    assert float(reach_loss(torch.zeros(2, 3), torch.full((2, 3), 0.3), mask)) == pytest.approx(0.3)
+
+
+def test_an_operation_is_judged_by_kind_directions_point_and_amount() -> None:
+    up, kinds = torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    true = Operation(kinds, up, up, torch.zeros(1, 3), torch.tensor([1.0]))
+    sure, every = 100.0 * kinds, torch.tensor([True])
+
+    def error(found: Operation) -> float:
+        return float(operation_loss(found, true, every, DEFAULT))
+
+    assert error(Operation(sure, up, up, torch.zeros(1, 3), torch.tensor([1.0]))) == pytest.approx(0.0, abs=1e-6)
+    assert error(Operation(sure, -up, up, torch.zeros(1, 3), torch.tensor([1.0]))) == pytest.approx(2.0)
+    assert error(Operation(sure, up, up, torch.ones(1, 3), torch.tensor([1.0]))) == pytest.approx(4.0)
+    less, more = (error(Operation(sure, up, up, torch.zeros(1, 3), torch.tensor([a]))) for a in (0.5, 1.5))
+    assert less == pytest.approx(2.0 * 0.7 * 0.5) and more == pytest.approx(2.0 * 0.3 * 0.5)
 
 
 def test_affordance_is_the_mean_of_the_best_judgements_and_teaches_no_critic() -> None:

@@ -20,12 +20,14 @@ from affordance.losses import (
     critic_loss,
     feasibility_loss,
     opening_loss,
+    operation_loss,
     orientation_loss,
     pose_loss,
     push_loss,
+    reach_loss,
     total,
 )
-from affordance.networks import WIDEST, Model
+from affordance.networks import KINDS, WIDEST, Model, Operation
 from affordance.outlook import Look, goal_outlook, look, pre_outlook
 from affordance.pointnet2 import gathered
 from affordance.settings import PRESETS, PROFILES, Settings, settings_of
@@ -35,6 +37,7 @@ from tests.affordance.clouds import clouds, rotations, seeded
 B, K = 3, 4
 INDEX = torch.tensor([[0, 7, 30, 200], [5, 6, 7, 8], [255, 1, 2, 3]])
 TEXT = torch.from_numpy(HashText().encode(["pick up the bowl", "press the stapler shut", "hand over the pliers"]))
+PLACE = torch.tensor([[0.0, 0.0, 1.2, 1.0, 0.0]] * B)
 EDGE = torch.tensor([[1.0, 0.0, 0.4, 0.1], [0.0] * 4, [0.0, 1.0, 0.2, 0.2]])
 
 
@@ -85,11 +88,11 @@ def test_the_preparing_networks_have_the_widths_of_the_design(model: Model, view
     contact = model.tokens.contact(gathered(view.cloud[..., :3], INDEX))
     condition = model.pre.condition(view.seen.at(INDEX), contact, given)
     assert condition.shape == (B, K, 416)
-    heading, length = model.pre.push(condition, model.tokens.direction(torch.zeros(B, K, 6)))
+    heading, length, _ = model.pre.push(condition, model.tokens.direction(torch.zeros(B, K, 6)))
     assert torch.allclose(heading.norm(dim=-1), torch.ones(B, K))
     assert bool((length > 0.0).all())
-    pose = model.pose.condition(view.seen.whole, scene, goal, pre)
-    assert pose.shape == (B, 576)
+    pose = model.pose.condition(view.seen.whole, model.tokens.place(PLACE), scene, goal, pre)
+    assert pose.shape == (B, 608)
     moves = drawn(model.pose.move, pose, 5, seeded())
     assert moves.shape == (B, 5, 9)
     with torch.no_grad():
@@ -224,6 +227,13 @@ def test_every_size_has_the_same_weights(name: str) -> None:
     assert 4 * count < 25e6  # bytes: what may be shipped
 
 
+def operation() -> Operation:
+    """What is done in three rows."""
+    kinds = torch.nn.functional.one_hot(torch.tensor([0, 1, 2]), len(KINDS)).float()
+    ways, point = torch.tensor([[0.0, 0.0, 1.0]] * B), torch.full((B, 3), 0.05)
+    return Operation(kinds, ways, -ways, point, torch.tensor([0.3, 1.0, 2.0]))
+
+
 def parts_of(model: Model, step: int, generator: torch.Generator) -> Parts:
     """All losses of one batch of made-up answers, computed as training would; the second row hides its goal."""
     losses, critics, every = model.settings.losses, model.critics, torch.ones(B, dtype=torch.bool)
@@ -247,19 +257,28 @@ def parts_of(model: Model, step: int, generator: torch.Generator) -> Parts:
         orientation_goal=orientation_loss(model.goal.orientation, at_goal, R, every, *fit),
         orientation_pre=orientation_loss(model.pre.orientation, at_pre, R, every, *fit),
         pose_object=pose_loss(
-            model.pose.move, model.pose.condition(view.seen.whole, scene, goal, done), moves, every, *fit
+            model.pose.move,
+            model.pose.condition(view.seen.whole, tokens.place(PLACE), scene, goal, done),
+            moves,
+            every,
+            *fit,
         ),
         pose_hand=pose_loss(model.reorient.move, hand, moves, every, *fit),
         opening_goal=opening_loss(model.goal.opening(at_goal, direction), torch.full((B,), 0.01), every),
         opening_pre=opening_loss(model.pre.opening(at_pre, direction), torch.full((B,), 0.03), every),
-        push=push_loss(*model.pre.push(at_pre, direction), heading, torch.full((B,), 0.4), every),
+        reach_goal=reach_loss(model.goal.reach(at_goal, direction), torch.full((B, 3), 0.1), every),
+        reach_pre=reach_loss(model.pre.reach(at_pre, direction), torch.full((B, 3), 0.1), every),
+        operation=operation_loss(model.goal.operation(at_goal, direction), operation(), every, losses),
+        push=push_loss(model.pre.push(at_pre, direction), heading, torch.full((B,), 0.4), every, every, every),
         affordance_goal=affordance_loss(model.goal.scores(view.seen.at(INDEX), scene), wanted, seen_all),
         affordance_pre=affordance_loss(model.pre.scores(view.seen.at(INDEX), given), wanted, seen_all),
         critic_goal=critic_loss(critics.goal(action, scene_c), labels, every),
         critic_pre=critic_loss(critics.pre(action, scene_c, action), labels, every),
         critic_pose=torch.zeros(())
         if critics.pose is None
-        else critic_loss(critics.pose(view.judged.whole, moves, text_c, action, action), labels, every),
+        else critic_loss(
+            critics.pose(view.judged.whole, moves, text_c, critics.tokens.place(PLACE), action, action), labels, every
+        ),
         feasibility=feasibility_loss(
             checked, labels[:, None].expand(B, 3), torch.ones(B, len(CHECKS), dtype=torch.bool)
         ),
