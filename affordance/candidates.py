@@ -38,12 +38,14 @@ class SceneView:
         cloud: ``(n, 3)`` object points in the world frame [m], already moved.
         T_move: How the object has moved since it was observed, in the world frame; identity for the first view.
         hand: ``(m, 3)`` points of the assistant's hand in the world frame [m], empty before it holds.
+        roles: Which arm plays which role; ``None`` while that is open.
     """
 
     workcell: Workcell
     cloud: Array
     T_move: pin.SE3
     hand: Array
+    roles: Roles | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cloud", frozen(self.cloud))
@@ -52,7 +54,7 @@ class SceneView:
 
     def moved(self, T_move: pin.SE3, hand: Array) -> SceneView:
         """This view after the object moves by ``T_move`` (world frame) and the assistant's hand has come."""
-        return SceneView(self.workcell, points(T_move, self.cloud), T_move * self.T_move, hand)
+        return SceneView(self.workcell, points(T_move, self.cloud), T_move * self.T_move, hand, self.roles)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import torch
@@ -128,7 +129,8 @@ class Batch:
 
     def to(self, device: str) -> Batch:
         """The same on a device."""
-        return Batch(**{field.name: _to(getattr(self, field.name), device) for field in fields(self)})
+        moved: dict[str, Any] = {field.name: _to(getattr(self, field.name), device) for field in fields(self)}
+        return Batch(**moved)
 
 
 class Dataset:
@@ -260,7 +262,8 @@ class Dataset:
 
 def thinned(points: np.ndarray, count: int, rng: np.random.Generator, *, left_out: float = 0.0) -> np.ndarray:
     """``(count, 3)`` float32 points spread over a cloud ``(n, 3)``, the first ones the farthest apart."""
-    return _spread_out([_candidates(points, rng, left_out)], count)[0]
+    spread: np.ndarray = _spread_out([_candidates(points, rng, left_out)], count)[0]
+    return spread
 
 
 def _candidates(points: np.ndarray, rng: np.random.Generator, left_out: float) -> np.ndarray:

@@ -97,7 +97,7 @@ class GoalAffordance(Contact):
     def operation(self, condition: Tensor, direction: Tensor) -> Operation:
         """What is done there, for the token ``(..., 32)`` of a hand's orientation."""
         out: Tensor = self.what(joined(condition, direction))
-        kinds, way, outward, point, amount = out.split((len(KINDS), 3, 3, 3, 1), dim=-1)
+        kinds, way, outward, point, amount = torch.split(out, [len(KINDS), 3, 3, 3, 1], dim=-1)
         unit = nn.functional.normalize
         return Operation(
             kinds, unit(way, dim=-1), unit(outward, dim=-1), point, nn.functional.softplus(amount.squeeze(-1))

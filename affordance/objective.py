@@ -16,7 +16,7 @@ from torch.nn import functional
 
 from affordance.critics import CHECKS, feasible
 from affordance.dataset import Batch, Hands
-from affordance.frames import SCALE, Frame, canonical, cloud_of, code_of, frame_of, moved_cloud, rotation_of, turned
+from affordance.frames import SCALE, Frame, cloud_of, code_of, frame_of, moved_cloud, rotation_of, turned
 from affordance.heads import joined
 from affordance.losses import (
     Parts,
@@ -120,7 +120,11 @@ def parts_of(
     if labelled:
         maps, outlook = _maps(model, average, scene, batch, (goal_before, goal_after, pre), generator)
     judged = _critics(model, scene, batch, (goal_before, goal_after, pre), outlook, labelled, generator)
-    acted = dict.fromkeys(ACTORS, nothing) if adapting else _actors(model, scene, batch, (goal_before, goal_after, pre), good, step, generator)  # noqa: E501
+    acted = (
+        dict.fromkeys(ACTORS, nothing)
+        if adapting
+        else _actors(model, scene, batch, (goal_before, goal_after, pre), good, step, generator)
+    )
     return Parts(**acted, **maps, **judged, feasibility=_feasibility(model, scene, batch))
 
 
@@ -142,12 +146,10 @@ def seen(model: Model, batch: Batch) -> Scene:
     cloud_after = cloud_of(frame_after, batch.after, batch.roles)
     move = frame.moves(batch.T_move, frame.centre)
     both = _stacked(batch.indices, batch.indices_after)
-    actors = model.encoder(
-        torch.cat([cloud, cloud_after, moved_cloud(cloud, move)]), _stacked(both, batch.indices)
-    )
+    actors = model.encoder(torch.cat([cloud, cloud_after, moved_cloud(cloud, move)]), _stacked(both, batch.indices))
     before, after, moved = _split(actors, 3)
     if model.critics.encoder is None:
-        judges = (before, after)
+        judges = [before, after]
     else:
         judges = _split(model.critics.encoder(torch.cat([cloud, cloud_after]), both), 2)
     looks = [
@@ -247,13 +249,19 @@ def _actors(
         "operation": scene.move.new_zeros(()),
     }
     for view, act in ((scene.before, before), (scene.after, after)):
-        at = model.goal.condition(view.seen.at(act.index), tokens.contact(act.contact), tokens.scene(view.text, view.edge))
+        at = model.goal.condition(
+            view.seen.at(act.index), tokens.contact(act.contact), tokens.scene(view.text, view.edge)
+        )
         direction, truth = tokens.direction(code_of(act.R)), act.truth
         told["orientation_goal"] += 0.5 * orientation_loss(model.goal.orientation, at, act.R, good, *fit)
         told["opening_goal"] += 0.5 * opening_loss(model.goal.opening(at, direction), truth.opening, good)
         told["reach_goal"] += 0.5 * reach_loss(model.goal.reach(at, direction), act.reach, good)
         done_there = Operation(
-            functional.one_hot(truth.kind, len(KINDS)).float(), truth.direction, truth.outward, truth.point, truth.amount
+            functional.one_hot(truth.kind, len(KINDS)).float(),
+            truth.direction,
+            truth.outward,
+            truth.point,
+            truth.amount,
         )
         told["operation"] += 0.5 * operation_loss(model.goal.operation(at, direction), done_there, good, losses)
     goal, goal_shown, assisted = _acts_shown(model, scene, before, pre, settings, batch, generator)
@@ -376,7 +384,13 @@ def _critics(
         away = _token(tokens, view, act.index, _turned_away(act.R, generator))
         elsewhere = _token(tokens, view, _elsewhere(view, act, generator), _shuffled(act.R, generator))
         logits = torch.stack(
-            [critics.goal(true, right), critics.goal(away, right), critics.goal(elsewhere, right), critics.goal(true, wrong)], 1  # noqa: E501
+            [
+                critics.goal(true, right),
+                critics.goal(away, right),
+                critics.goal(elsewhere, right),
+                critics.goal(true, wrong),
+            ],
+            1,
         )
         goal_loss = goal_loss + 0.5 * _judged(logits, batch.success.float(), real, batch.goal.known & batch.success)
     view = scene.before
@@ -477,7 +491,11 @@ def validate(model: Model, batches: list[Batch], generator: torch.Generator) -> 
             _validated(model, batch, generator, keep)
     model.train(was_training)
     found = {name: torch.cat(values) for name, values in rows.items()}
-    told = {name: float(found[name].mean()) for name in ("goal_close", "goal_best", "pre_close", "reach_goal", "reach_pre", "kind") if len(found.get(name, []))}  # noqa: E501
+    told = {
+        name: float(found[name].mean())
+        for name in ("goal_close", "goal_best", "pre_close", "reach_goal", "reach_pre", "kind")
+        if len(found.get(name, []))
+    }
     for name in ("goal_auroc", "goal_turned_auroc", "pre_turned_auroc", "feasible_auroc"):
         if f"{name}.score" in found:
             told[name] = auroc(found[f"{name}.score"].numpy(), found[f"{name}.label"].numpy())
@@ -492,12 +510,17 @@ def _validated(model: Model, batch: Batch, generator: torch.Generator, keep) -> 
     before, after, pre = done_in(scene, batch, generator)
     good = batch.success & batch.goal.known
     view = scene.after
-    at = model.goal.condition(view.seen.at(after.index), tokens.contact(after.contact), tokens.scene(view.text, view.edge))
+    at = model.goal.condition(
+        view.seen.at(after.index), tokens.contact(after.contact), tokens.scene(view.text, view.edge)
+    )
     angles = prior_angles(model.goal.orientation, at, after.R, losses, DRAWS, generator)[good]
     keep("goal_close", (angles < CLOSE).float())
     keep("goal_best", (angles < CLOSE).any(dim=-1).float())
     direction = tokens.direction(code_of(after.R))
-    keep("reach_goal", 1e3 * SCALE * torch.linalg.vector_norm(model.goal.reach(at, direction) - after.reach, dim=-1)[good])
+    keep(
+        "reach_goal",
+        1e3 * SCALE * torch.linalg.vector_norm(model.goal.reach(at, direction) - after.reach, dim=-1)[good],
+    )
     operation = model.goal.operation(at, direction)
     keep("kind", (operation.kinds.argmax(-1) == after.truth.kind)[good].float())
     scene_c = critics.tokens.scene(view.text, view.edge)

@@ -10,7 +10,7 @@ import pinocchio as pin
 from affordance.candidates import ContactCandidate, GoalCandidate, PoseCandidate, PregraspCandidate
 from robots.model import DualArm
 from robots.spatial import Array, unit
-from robots.workcell import Workcell
+from robots.workcell import Workcell, other
 from tamp.drafts import Draft
 from tamp.record import Action
 from tamp.refine import Solved, levels_of
@@ -20,10 +20,11 @@ STILL = 1e-6
 
 
 def actions_of(solved: Solved, arms: DualArm, workcell: Workcell) -> tuple[Action, ...]:
-    """The actions of a plan, in the order of its stages."""
+    """The actions of a plan in the order of its stages, at last how a human is expected to take the object."""
     levels = levels_of(solved.skeleton)
     candidates = {level.first: candidate for level, candidate in zip(levels, solved.chosen, strict=True)}
-    return tuple(_action(draft, candidates.get(k), arms, workcell) for k, draft in enumerate(solved.drafts))
+    found = [_action(draft, candidates.get(k), arms, workcell) for k, draft in enumerate(solved.drafts)]
+    return (*found, _received(solved)) if solved.goal.kind == "receive" else tuple(found)
 
 
 def _action(draft: Draft, candidate: Any, arms: DualArm, workcell: Workcell) -> Action:
@@ -61,6 +62,26 @@ def _action(draft: Draft, candidate: Any, arms: DualArm, workcell: Workcell) -> 
         outward=outward,
         start=start,
         T_move=T_move.homogeneous,
+    )
+
+
+def _received(solved: Solved) -> Action:
+    """What a human is expected to do, where the object lay when the goal was proposed."""
+    goal, side = solved.goal, other(solved.drafts[0].arm)
+    return Action(
+        stage="receive",
+        arm=side,
+        role="primary",
+        T_world_hand=goal.T_world_hand.homogeneous,
+        contact=goal.point,
+        direction=goal.direction,
+        amount=goal.amount,
+        opening=goal.opening,
+        score=goal.score,
+        kind=goal.kind,
+        outward=goal.outward,
+        start=np.zeros(3),
+        T_move=np.eye(4),
     )
 
 

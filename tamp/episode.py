@@ -13,10 +13,8 @@ import msgspec
 from msgspec import Struct
 
 from affordance.candidates import Proposer
-from affordance.heuristic import HeuristicProposer
-from affordance.uniform import UniformProposer
 from robots.cache import write_atomic
-from robots.errors import BadInput, BadRunFolder, UnknownName
+from robots.errors import BadInput, BadRunFolder
 from robots.model import DualArm
 from robots.spatial import from_list
 from robots.workcell import Workcell, load_workcell
@@ -29,6 +27,7 @@ from tamp.execute import Moment, Outcome, execute
 from tamp.folder import OUTCOME_FILE
 from tamp.monitors import Checked
 from tamp.plan import Plan, Role, StageName
+from tamp.proposers import check_proposer, proposer_of
 from tamp.refine import ONE_SHOT, Budget
 from tamp.rounds import SILENT, Round, Subject, Watch, ready_cell
 from tamp.trace import Failure, TraceStatus
@@ -36,11 +35,8 @@ from worlds import observe, scene
 from worlds.assets import library
 from worlds.assets.asset import Asset, Split
 from worlds.bullet.world import BulletWorld
-from worlds.labels import truth
 from worlds.observe import Observation
 from worlds.tasks import Task, task_of
-
-PROPOSERS = ("heuristic", "uniform")
 
 MIN_POINTS = 50
 """Observed points with which planning begins."""
@@ -62,6 +58,8 @@ class Request(Struct, frozen=True, kw_only=True):
     split: Split | None = None
     seed: int = 0
     proposer: str = "heuristic"
+    weights: Path | None = None
+    """Weights of a learned proposer; ``None`` for those that are shipped."""
     workcell: str = "panda_pair"
     """Shipped name or TOML file."""
     execute: bool = True
@@ -231,9 +229,13 @@ def run(
 ) -> None:
     """Search, save the plan, execute it; in a closed loop, look again and go on."""
     request, first = episode.request, episode.last
+
+    def proposer(observation: Observation) -> Proposer:
+        return proposer_of(request.proposer, subject.task, subject.workcell, world, observation, request.weights)
+
     watch.begin("plan")
     started = time.perf_counter()
-    first.seek(proposer_of(request.proposer, subject, world, first.observation))
+    first.seek(proposer(first.observation))
     episode.plan_seconds = time.perf_counter() - started
     if first.plan is None or not request.execute:
         return
@@ -241,10 +243,6 @@ def run(
     started = time.perf_counter()
     with _recorder(world, episode.folder / "execution.mp4", request.video) as camera:
         if request.mode == "E3":
-
-            def proposer(observation: Observation) -> Proposer:
-                return proposer_of(request.proposer, subject, world, observation)
-
             spent = closed_loop(episode.rounds, world, proposer, looked, watch, camera)
             episode.outcome, episode.plan_seconds = spent.outcome, episode.plan_seconds + spent.plan_seconds
             started += spent.plan_seconds
@@ -259,14 +257,6 @@ def looked(world: BulletWorld) -> Observation:
     if (seen := len(observation.cloud)) < MIN_POINTS:
         raise BadInput(f"The cameras see {seen} points of {world.asset.instance}; {MIN_POINTS} are needed.")
     return observation
-
-
-def proposer_of(name: str, subject: Subject, world: BulletWorld, observation: Observation) -> Proposer:
-    """The proposer of a name; only the heuristic one may look at the world."""
-    gripper = subject.workcell.arm("left").gripper
-    if name == "heuristic":
-        return HeuristicProposer(subject.task.type, truth(world, observation), gripper)
-    return UniformProposer(subject.task.type, gripper)
 
 
 def write(episode: Episode) -> Report:
@@ -313,8 +303,7 @@ def run_again(folder: Path, *, video: bool = False, watch: Watch = SILENT) -> Re
 def _checked(request: Request) -> Task:
     """The task, after refusing what cannot work."""
     task = task_of(request.category)
-    if request.proposer not in PROPOSERS:
-        raise UnknownName("proposer", request.proposer, PROPOSERS)
+    check_proposer(request.proposer, request.weights)
     if request.max_pushes < 1:
         raise BadInput(f"--max-pushes {request.max_pushes} is too few; give 1 or more.")
     if request.video:

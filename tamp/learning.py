@@ -1,11 +1,11 @@
-"""What do stored episodes teach: which examples do data sets hold, and which objects are kept to test what is learned?"""
+"""What do stored episodes teach: which examples do data sets hold, and which objects are kept aside for tests?"""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import cast, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -82,7 +82,7 @@ def examples_of(name: str, recorded: Recorded, workcell: Workcell) -> Iterator[E
     assistant = recorded.actions[starts[0]].arm if starts else "left"
     primary = other(cast(Side, assistant))
     judged = tuple(_judgements(recorded, workcell))
-    common = {
+    common: dict[str, Any] = {
         "episode": name,
         "category": recorded.category,
         "instance": recorded.instance,
@@ -174,7 +174,7 @@ def _judgements(recorded: Recorded, workcell: Workcell) -> Iterator[Judged]:
         labels = _labels(rejection)
         if labels is not None and rejection.approach is not None and rejection.stage in STAGES:
             T = pin.SE3(np.array(rejection.approach).reshape(4, 4))
-            yield _judged(workcell, cast(Side, rejection.arm), T, rejection.stage, labels)
+            yield _judged(workcell, rejection.arm, T, rejection.stage, labels)
     for action in recorded.actions:
         if action.stage in (*PRE_STAGES, "reorient", "present", "operate", "grasp"):
             passed = np.ones(3, dtype=np.int8)

@@ -142,8 +142,8 @@ class Action:
     """What one arm did at one stage.
 
     Attributes:
-        stage: For example ``pregrasp``.
-        arm: ``left`` or ``right``.
+        stage: For example ``pregrasp``; ``receive`` is what a human is expected to do.
+        arm: ``left`` or ``right``; the other one than the assistant's stands for a human.
         role: ``assistant`` or ``primary``.
         T_world_hand: ``(4, 4)`` pose of the hand at the contact; where it goes, in a stage that makes none.
         contact: ``(3,)`` contact point, or else the tool centre point there, in the world frame [m].

@@ -180,12 +180,13 @@ class Search:
 
     def _refine(self, skeleton: Skeleton) -> Solved | None:
         roles, levels = roles_of(skeleton), levels_of(skeleton)
-        goals = self.proposer.goal(self.situation.view, self._rng(0))[: self.budget.goals]
+        situation = replace(self.situation, view=replace(self.situation.view, roles=roles))
+        goals = self.proposer.goal(situation.view, self._rng(0))[: self.budget.goals]
         if not goals:
             last = levels[-1]
             self._reject(last, 0, Reject("proposal", f"no way to {last.name} was proposed"), last.name)
         for number, goal in enumerate(goals):
-            start = Partial(levels, roles, goal, (), (), self.situation, (number,))
+            start = Partial(levels, roles, goal, (), (), situation, (number,))
             outcome = self._descend(start)
             if isinstance(outcome, Solved):
                 return outcome

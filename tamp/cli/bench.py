@@ -106,8 +106,8 @@ def settings_of(arguments: Arguments) -> tuple[Settings, list[str]]:
     wanted = chosen_categories(arguments.categories)
     from tamp import ledger
     from tamp.bench.jobs import required
-    from tamp.episode import PROPOSERS
     from tamp.plan import package_versions
+    from tamp.proposers import PROPOSERS
 
     methods = chosen("method", arguments.methods, PROPOSERS)
     found, absent = required(arguments.asset, wanted, splits, arguments.categories)

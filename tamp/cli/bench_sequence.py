@@ -44,7 +44,7 @@ def run(arguments: Arguments, output: Output) -> int:
         raise BadInput(f"--timeout {arguments.timeout} is not a time; give seconds above 0.")
     categories = chosen_categories(arguments.categories)
     from tamp.bench.sequence import measure
-    from tamp.episode import PROPOSERS
+    from tamp.proposers import PROPOSERS
 
     chosen("proposer", arguments.proposer, PROPOSERS)
     rows: list[SequenceRow] = []

@@ -106,7 +106,7 @@ def plan_of(arguments: Arguments) -> tuple[Settings, Targets, list[str]]:
     from tamp.bench.jobs import chosen
     from tamp.data.attempts import Settings
     from tamp.data.collect import Targets
-    from tamp.episode import PROPOSERS
+    from tamp.proposers import PROPOSERS
 
     chosen("proposer", arguments.proposer, PROPOSERS)
     found, absent = required(arguments.asset, wanted, [arguments.split], arguments.categories)

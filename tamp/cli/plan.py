@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from affordance.variants import VARIANTS
 from robots.errors import BadInput, UnknownName
 from tamp.cli.output import Output, Progress
 from worlds.tasks import TASKS
@@ -19,8 +20,8 @@ from worlds.tasks import TASKS
 if TYPE_CHECKING:
     from tamp.episode import Mode, Report
 
-PROPOSERS = ("heuristic", "uniform")
-"""As in ``tamp.episode``, which is not imported before the arguments are found usable."""
+PROPOSERS = ("heuristic", "uniform", *VARIANTS)
+"""As in ``tamp.proposers``, which is not imported before the arguments are found usable."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,10 @@ class Arguments:
     seed: int = 0
     """Decides the instance, its pose and every draw of the search."""
     proposer: str = "heuristic"
-    """Where candidates come from: heuristic, which knows the true object, or uniform, which knows the seen points."""
+    """Where candidates come from: learned, the shipped networks; heuristic, which knows the true object; uniform, which
+    knows the seen points; or learned without one of its parts."""
+    weights: Path | None = None
+    """Weights of a learned proposer; without it those that are shipped."""
     workcell: str = "panda_pair"
     """Name of a shipped workcell, or a TOML file."""
     closed_loop: bool = False
@@ -75,6 +79,7 @@ def run(arguments: Arguments, output: Output) -> int:
         split=arguments.split,
         seed=arguments.seed,
         proposer=arguments.proposer,
+        weights=arguments.weights,
         workcell=arguments.workcell,
         execute=not arguments.no_execute,
         mode=_mode(arguments),

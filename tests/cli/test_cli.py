@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from tamp import episode
+from tamp import proposers
 from tamp.cli.plan import PROPOSERS
 from tamp.cli.verbs import NAMES
 from tests.conftest import SHARED
@@ -246,7 +246,7 @@ def test_help_names_every_category_proposer_and_object_source() -> None:
 
 
 def test_the_proposers_refused_early_are_those_that_an_episode_knows() -> None:
-    assert PROPOSERS == episode.PROPOSERS
+    assert PROPOSERS == proposers.PROPOSERS
 
 
 def test_the_overview_lists_every_verb_and_loads_nothing_heavy() -> None:
@@ -279,7 +279,7 @@ def test_importing_tamp_loads_no_simulator_viewer_or_network() -> None:
         (("plan", "Botle"), 'No category "Botle". Did you mean "Bottle"? Valid: Bottle, Bowl, Cap, Dispenser, '),
         (("plan", "bottle"), 'No category "bottle". Did you mean "Bottle"? Valid: Bottle, Bowl, Cap, Dispenser, '),
         (("plan", "Bottle", "--proposer", "heuristc"), 'No proposer "heuristc". Did you mean "heuristic"?'),
-        (("plan", "Bottle", "--proposer", "psychic"), "Valid: heuristic, uniform"),
+        (("plan", "Bottle", "--proposer", "psychic"), "Valid: heuristic, uniform, learned, "),
         (("plan", "Handover-Botle"), 'No category "Handover-Botle". Did you mean "Handover-Bottle"?'),
         (("plan", "Phone", "--closed-loop", "--no-resample"), "--closed-loop tries again and --no-resample does not;"),
         (("plan", "Phone", "--closed-loop", "--no-execute"), "--closed-loop needs the execution that --no-execute"),

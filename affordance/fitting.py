@@ -1,0 +1,98 @@
+"""How is a drawn hand laid onto what the camera saw? Fingers centred about it, tips brought to where they touch.
+
+Networks err by millimetres; the seen points do not. Only the observed cloud is used.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from robots.spatial import Array, points
+from robots.workcell import Gripper
+
+PAD_HALF = 0.010
+"""Half width of a finger pad [m]."""
+
+PAD_LENGTH = 0.026
+"""How far behind the tips points count as between the pads [m]."""
+
+MARGIN = 0.006
+"""Room kept between each open finger and what it closes on [m]."""
+
+ASIDE = 0.015
+"""Largest shift that centres the fingers [m]; more means that the hand was meant for something else."""
+
+LEVEL = 0.5
+"""Fingers that open more steeply than this, as the vertical part of the axis, are not centred: a camera above sees only
+one of the two sides."""
+
+REACH = 0.020
+"""Largest shift along the approach that brings tips to what they touch [m]."""
+
+TIP_HALF = 0.010
+"""Half width of a finger tip [m]."""
+
+TABLE_GAP = 0.004
+"""Room kept between finger tips and table [m]."""
+
+
+def centred(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gripper) -> tuple[pin.SE3, float]:
+    """The hand with its fingers centred about the seen points between them, open wide enough to pass them.
+
+    Args:
+        T_world_hand: The hand.
+        opening: Of one finger [m].
+        cloud: ``(n, 3)`` seen points in the world frame [m].
+        gripper: The gripper.
+
+    Returns:
+        The hand and the opening of one finger; both unchanged where nothing is seen between the fingers, where it is
+        wider than they open, or where only one side of it can be seen.
+    """
+    if abs(T_world_hand.rotation[2, 1]) > LEVEL:
+        return T_world_hand, opening
+    seen = points(T_world_hand.inverse(), cloud)
+    between = (
+        (np.abs(seen[:, 0]) < PAD_HALF)
+        & (np.abs(seen[:, 1]) < gripper.finger_travel)
+        & (seen[:, 2] > gripper.tip_offset - PAD_LENGTH)
+        & (seen[:, 2] < gripper.tip_offset)
+    )
+    if not between.any():
+        return T_world_hand, opening
+    low, high = float(seen[between, 1].min()), float(seen[between, 1].max())
+    half, middle = 0.5 * (high - low), 0.5 * (high + low)
+    if half + MARGIN > gripper.finger_travel or abs(middle) > ASIDE:
+        return T_world_hand, opening
+    shift = pin.SE3(np.eye(3), np.array([0.0, middle, 0.0]))
+    return T_world_hand * shift, float(np.clip(opening, half + MARGIN, gripper.finger_travel))
+
+
+def touching(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gripper) -> pin.SE3:
+    """The hand moved along its approach so that its tips just meet the seen points before them.
+
+    Args:
+        T_world_hand: The hand.
+        opening: Of one finger [m]; 0 touches with closed fingers.
+        cloud: ``(n, 3)`` seen points in the world frame [m].
+        gripper: The gripper.
+
+    Returns:
+        The hand; unchanged where no point lies before the tips within ``REACH``.
+    """
+    seen = points(T_world_hand.inverse(), cloud)
+    aside = np.abs(np.abs(seen[:, 1]) - (opening + 0.5 * TIP_HALF)) if opening else np.abs(seen[:, 1])
+    ahead = seen[:, 2] - gripper.tip_offset
+    met = (np.abs(seen[:, 0]) < TIP_HALF) & (aside < TIP_HALF) & (np.abs(ahead) < REACH)
+    if not met.any():
+        return T_world_hand
+    return T_world_hand * pin.SE3(np.eye(3), np.array([0.0, 0.0, float(ahead[met].min())]))
+
+
+def above_table(T_world_hand: pin.SE3, top: float, gripper: Gripper) -> pin.SE3:
+    """The hand raised until the lower corners of its finger tips are clear of the table at height ``top`` [m]."""
+    corners = [[0.0, y, gripper.tip_offset] for y in (-gripper.finger_travel, gripper.finger_travel)]
+    lowest = float(points(T_world_hand, np.array(corners))[:, 2].min())
+    lift = max(0.0, top + TABLE_GAP - lowest)
+    return pin.SE3(T_world_hand.rotation, T_world_hand.translation + np.array([0.0, 0.0, lift]))

@@ -1,0 +1,536 @@
+"""Which candidates do the networks propose? The paper's five calls, each drawn, judged, thinned out and ranked.
+
+Goal on the object as it lies; pre-grasp, push or press with that goal in mind; the object's pose; the hand's motion;
+and the same goal weights again on the object as it will be, with the assistant's hand in view. Nothing is read but the
+observed cloud, the cell and the instruction.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import pinocchio as pin
+import torch
+from torch import Tensor
+
+from affordance import checkpoint
+from affordance.candidates import (
+    ContactCandidate,
+    GoalCandidate,
+    OperationKind,
+    PoseCandidate,
+    PregraspCandidate,
+    Roles,
+    SceneView,
+)
+from affordance.checkpoint import Checkpoint
+from affordance.critics import feasible
+from affordance.dataset import HAND, TURNING, spots_of, thinned
+from affordance.fitting import above_table, centred, touching
+from affordance.frames import ROLES, SCALE, Frame, cloud_of, frame_of, moved_cloud
+from affordance.heads import drawn, joined
+from affordance.maps import AffordanceMap, MapName
+from affordance.networks import KINDS, STROKE, Contact, Model
+from affordance.outlook import Look, look
+from affordance.pointnet2 import gathered
+from affordance.preparing import BEHIND, LIFT
+from affordance.sampling import KEPT, Drawn, Judge, distinct, hands
+from affordance.stations import station, surroundings
+from affordance.text import text_encoder
+from affordance.variants import Variant
+from robots.errors import BadInput
+from robots.spatial import Array
+from robots.workcell import SIDES, Side
+from worlds.tasks import Task, TaskType
+
+Ranked = TypeVar("Ranked", GoalCandidate, PregraspCandidate, PoseCandidate, ContactCandidate)
+
+KINDS_OF: dict[TaskType, tuple[OperationKind, ...]] = {
+    "articulated": ("pull", "unscrew", "press", "flip"),
+    "edge_push": ("grasp",),
+    "plate_lift": ("grasp",),
+    "handover": ("receive",),
+}
+"""What can be the goal of a task."""
+
+POSES = 48
+"""Object poses drawn for one list of candidates."""
+
+SNAP = np.cos(np.radians(30.0))
+"""An operation's direction within this of an axis of the hand is along that axis."""
+
+DOWNWARD = -0.8
+"""A hand whose approach has a vertical part below this comes from above."""
+
+SHOWN = 5
+"""Hands that a map shows."""
+
+AT_REST = 1e-9
+"""A view moved by less has not been moved [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """A view as the networks see it.
+
+    Attributes:
+        view: The view.
+        points: ``(N, 3)`` what is left of its cloud, in the world frame [m]; the hand's last, where there is one.
+        look: What actors and critics see of them.
+        frame: Network coordinates.
+        scene: ``(1, 64)`` token of instruction and edge to the actors; ``scene_judged`` to the critics.
+        is_object: ``(N,)`` booleans.
+    """
+
+    view: SceneView
+    points: Array
+    look: Look
+    frame: Frame
+    scene: Tensor
+    scene_judged: Tensor
+    is_object: Tensor
+
+
+@dataclass
+class LearnedProposer:
+    """Candidates from trained networks.
+
+    Attributes:
+        name: As given to ``--proposer``.
+        task: What is asked for.
+        model: The networks.
+        text: ``(1, 512)`` the embedded instruction.
+        variant: What it goes without.
+    """
+
+    name: str
+    task: Task
+    model: Model
+    text: Tensor
+    variant: Variant
+    _sights: list[Sight] = field(default_factory=list)
+    _maps: dict[MapName, AffordanceMap] = field(default_factory=dict)
+    _asked: tuple[SceneView, GoalCandidate] | None = None
+
+    # -- what the search asks for ----------------------------------------------------------------------------------
+
+    def goal(self, view: SceneView, rng: np.random.Generator) -> list[GoalCandidate]:
+        """Where and how the primary could act: anticipatorily on the first view, finally on the predicted one."""
+        with torch.no_grad():
+            sight, tokens, net = self._sight(view), self.model.tokens, self.model.goal
+            scores = self._seen(sight, net.scores(sight.look.seen.points, sight.scene)[0])
+            critics = self.model.critics
+
+            def judge(index: Tensor, contact: Tensor, codes: Tensor) -> Tensor:
+                action = self._judged_token(sight, index, contact, codes)
+                return torch.sigmoid(critics.goal(action, sight.scene_judged))
+
+            found = self._hands(net, sight, sight.scene, scores, judge, rng)
+            operation = net.operation(found.condition, tokens.direction(found.code))
+            allowed = KINDS_OF[self.task.type]
+            kinds = operation.kinds[:, [KINDS.index(kind) for kind in allowed]].argmax(dim=1).tolist()
+            parts = [part.numpy().astype(float) for part in (operation.direction, operation.outward, operation.point)]
+            amounts = operation.amount.numpy()
+        made = []
+        for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
+            kind = allowed[kinds[k]]
+            amount = float(amounts[k]) * (1.0 if kind in TURNING else STROKE)
+            made.append(self._goal(view, found, k, kind, [part[k] for part in parts], amount))
+        stage = "operate" if self.task.type == "articulated" else "grasp"
+        if self.task.type != "handover" and not _unmoved(view):
+            made = self._by_feasibility(made, stage, [(_primary(view), c.T_world_hand) for c in made])
+        self._remember("goal_before" if _unmoved(view) else "goal_after", sight, scores, made)
+        return self._given(made)
+
+    def pregrasp(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[PregraspCandidate]:
+        """Where the assistant could hold so that the goal action stays possible."""
+        found, sight, scores = self._assistant_hands(view, goal, rng)
+        gripper = view.workcell.arm("left").gripper
+        made = []
+        for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
+            T = _hand(found, k, gripper.tip_offset)
+            T, opening = centred(T, float(found.opening[k]), view.cloud, gripper)
+            made.append(PregraspCandidate(above_table(T, view.workcell.table.top, gripper), opening, found.score[k]))
+        side = _assistant(view)
+        made = self._by_feasibility(made, "pregrasp", [(side, c.T_world_hand) for c in made])
+        self._remember("pre", sight, scores, made)
+        return self._given(made)
+
+    def push(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[ContactCandidate]:
+        """How the assistant could push the object so that it reaches over the table's edge."""
+        return self._contacts(view, goal, "push", rng)
+
+    def press(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[ContactCandidate]:
+        """How the assistant could press the object down on one side so that the other rises."""
+        return self._contacts(view, goal, "press", rng)
+
+    def object_pose(
+        self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, roles: Roles, rng: np.random.Generator
+    ) -> list[PoseCandidate]:
+        """Where the object could be brought for the goal action."""
+        moves, scores = self._moves(view, goal, grasp.T_world_hand, grasp.opening, roles.primary, rng)
+        made = [PoseCandidate(T_move, score) for T_move, score in zip(moves, scores, strict=True)]
+        made = self._by_feasibility(made, "reorient", [(roles.assistant, c.T_move * grasp.T_world_hand) for c in made])
+        made = self._by_feasibility(made, "operate", [(roles.primary, c.T_move * goal.T_world_hand) for c in made])
+        self._asked = (view, goal)
+        return self._given(made)
+
+    def present(
+        self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, rng: np.random.Generator
+    ) -> list[PoseCandidate]:
+        """Where the object could be brought for a human to take it."""
+        moves, scores = self._moves(view, goal, grasp.T_world_hand, grasp.opening, None, rng)
+        made = [PoseCandidate(T_move, score) for T_move, score in zip(moves, scores, strict=True)]
+        side = _assistant(view)
+        made = self._by_feasibility(made, "present", [(side, c.T_move * grasp.T_world_hand) for c in made])
+        self._asked = (view, goal)
+        return self._given(made)
+
+    def reorient(self, grasp: PregraspCandidate, pose: PoseCandidate) -> pin.SE3:
+        """``T_world_hand`` of the assistant's hand once the object is there."""
+        rigid: pin.SE3 = pose.T_move * grasp.T_world_hand
+        if self.variant.reorient == "rigid" or self._asked is None:
+            return rigid
+        view, goal = self._asked
+        with torch.no_grad():
+            return self._acted(self._sight(view), goal, grasp, pose)
+
+    def maps(self) -> tuple[AffordanceMap, ...]:
+        """Affordance of the latest calls: before the preparation, of the assistant, and after it."""
+        order: tuple[MapName, ...] = ("goal_before", "pre", "goal_after")
+        return tuple(self._maps[name] for name in order if name in self._maps)
+
+    # -- what is seen ----------------------------------------------------------------------------------------------
+
+    def _sight(self, view: SceneView) -> Sight:
+        """What the networks see of a view; the latest few are remembered."""
+        for known in self._sights:
+            if known.view.cloud is view.cloud and known.view.hand is view.hand:
+                return known
+        sight = self._looked(view)
+        self._sights = [sight, *self._sights[:5]]
+        return sight
+
+    def _looked(self, view: SceneView) -> Sight:
+        count = self.model.settings.profile.points
+        points = thinned(view.cloud, count, np.random.default_rng(0))
+        roles = np.zeros(count, dtype=np.int64)
+        if len(view.hand):
+            points[-HAND:], roles[-HAND:] = view.hand, ROLES.index("gripper")
+        world, role = torch.from_numpy(points)[None], torch.from_numpy(roles)[None]
+        frame = frame_of(world, role, torch.zeros(1))
+        near = surroundings(view.workcell, self.task.type, None).edge
+        edge = torch.zeros(1, 4)
+        if near is not None:
+            on_edge, outward = torch.from_numpy(near.astype(np.float32))[:, None]
+            edge = frame.edges(on_edge, outward)
+        seen = look(self.model, cloud_of(frame, world, role), self.text, edge)
+        tokens, critics = self.model.tokens, self.model.critics
+        scene, judged = tokens.scene(self.text, edge), critics.tokens.scene(self.text, edge)
+        return Sight(view, points.astype(float), seen, frame, scene, judged, role[0] == 0)
+
+    @staticmethod
+    def _seen(sight: Sight, scores: Tensor) -> Tensor:
+        """Scores of the object's points; nan at those of a hand."""
+        return torch.where(sight.is_object, scores, torch.nan)
+
+    def _spot(self, sight: Sight, T_world_hand: pin.SE3, opening: float) -> Tensor:
+        """``(1,)`` the point at which a hand acts: of those between its pads the nearest to its tips."""
+        T = T_world_hand.homogeneous
+        mine = spots_of(sight.points, T, opening) & sight.is_object.numpy()
+        tip = T[:3, 3] + sight.view.workcell.arm("left").gripper.tip_offset * T[:3, 2]
+        away = np.linalg.norm(sight.points - tip, axis=1)
+        return torch.tensor([int(np.where(mine, away, away + 1e3).argmin())])
+
+    def _code(self, sight: Sight, T_world_hand: pin.SE3) -> Tensor:
+        return sight.frame.codes(torch.from_numpy(T_world_hand.rotation.astype(np.float32))[None])
+
+    def _token(self, sight: Sight, index: Tensor, code: Tensor) -> Tensor:
+        contact = gathered(sight.look.cloud[..., :3], index)
+        return self.model.tokens.action(sight.look.seen.at(index), contact, code)
+
+    def _judged_token(self, sight: Sight, index: Tensor, contact: Tensor, code: Tensor) -> Tensor:
+        """Token to the critics of ``(1, K)`` points with ``(1, K, D, 6)`` codes, or of ``(1,)`` with ``(1, 6)``."""
+        features = sight.look.judged.at(index)
+        if code.dim() > features.dim():
+            features, contact = (
+                part[..., None, :].expand(*code.shape[:-1], part.shape[-1]) for part in (features, contact)
+            )
+        return self.model.critics.tokens.action(features, contact, code)
+
+    # -- what is drawn ---------------------------------------------------------------------------------------------
+
+    def _hands(
+        self, net: Contact, sight: Sight, given: Tensor, scores: Tensor, judge: Judge, rng: np.random.Generator
+    ) -> Drawn:
+        tokens = self.model.tokens
+        return hands(
+            net,
+            tokens.direction,
+            tokens.contact,
+            given,
+            sight.look,
+            sight.frame,
+            scores,
+            judge if self.variant.ranked else None,
+            rng,
+        )
+
+    def _assistant_hands(
+        self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator
+    ) -> tuple[Drawn, Sight, Tensor]:
+        with torch.no_grad():
+            sight, net, critics = self._sight(view), self.model.pre, self.model.critics
+            spot, code = self._spot(sight, goal.T_world_hand, goal.opening), self._code(sight, goal.T_world_hand)
+            shown = self.model.goal_shown(self._token(sight, spot, code))
+            given = joined(sight.scene, shown)
+            scores = self._seen(sight, net.scores(sight.look.seen.points, given)[0])
+            aim = self._judged_token(sight, spot, gathered(sight.look.cloud[..., :3], spot), code)
+
+            def judge(index: Tensor, contact: Tensor, codes: Tensor) -> Tensor:
+                action = self._judged_token(sight, index, contact, codes)
+                return torch.sigmoid(critics.pre(action, sight.scene_judged, aim))
+
+            return self._hands(net, sight, given, scores, judge, rng), sight, scores
+
+    def _goal(
+        self,
+        view: SceneView,
+        found: Drawn,
+        k: int,
+        kind: OperationKind,
+        local: list[Array],
+        amount: float,
+    ) -> GoalCandidate:
+        gripper = view.workcell.arm("left").gripper
+        T, opening = _hand(found, k, gripper.tip_offset), float(found.opening[k])
+        if kind == "press":
+            opening = 0.0
+            T = touching(T, opening, view.cloud, gripper)
+        else:
+            T, opening = centred(T, opening, view.cloud, gripper)
+        direction, outward = (T.rotation @ _snapped(vector) for vector in local[:2])
+        point = T.act(np.array([0.0, 0.0, gripper.tip_offset]) + SCALE * local[2])
+        if kind == "grasp":
+            direction, amount = np.array([0.0, 0.0, 1.0]), LIFT
+            point = T.act(np.array([0.0, 0.0, gripper.tcp_offset]))
+        if kind == "unscrew":
+            point = T.act(np.array([0.0, 0.0, gripper.tip_offset]))
+        return GoalCandidate(kind, T, opening, direction, point, amount, outward, float(found.score[k]))
+
+    def _contacts(
+        self, view: SceneView, goal: GoalCandidate, stage: str, rng: np.random.Generator
+    ) -> list[ContactCandidate]:
+        found, sight, scores = self._assistant_hands(view, goal, rng)
+        with torch.no_grad():
+            heading, length, behind = self.model.pre.push(found.condition, self.model.tokens.direction(found.code))
+            level = torch.cat([heading, torch.zeros_like(heading[:, :1])], dim=-1)
+            headings = sight.frame.directions_world(level[None])[0].numpy().astype(float)
+            lengths, from_behind = (SCALE * length).numpy().astype(float), (behind > 0.0).tolist()
+        gripper = view.workcell.arm("left").gripper
+        made = []
+        for k in distinct(found.R_world_hand, found.tip, found.score, KEPT):
+            T, opening = _hand(found, k, gripper.tip_offset), float(found.opening[k])
+            if opening < 0.5 * gripper.finger_travel * 0.25:
+                opening = 0.0
+            start = None
+            if stage == "press":
+                T, travel = touching(T, opening, view.cloud, gripper), np.array([0.0, 0.0, -lengths[k]])
+            else:
+                travel = lengths[k] * headings[k]
+                if from_behind[k]:
+                    start, T = -BEHIND * headings[k], above_table(T, view.workcell.table.top, gripper)
+                else:
+                    T = touching(T, opening, view.cloud, gripper)
+            made.append(ContactCandidate(T, opening, travel, pin.SE3(np.eye(3), travel), found.score[k], start))
+        side = _assistant(view)
+        made = self._by_feasibility(made, stage, [(side, c.T_world_hand) for c in made])
+        if stage == "press":
+            made = [self._tilted(view, goal, candidate, rng) for candidate in made[:KEPT]]
+        self._remember("pre", sight, scores, made)
+        return self._given(made)
+
+    def _tilted(
+        self, view: SceneView, goal: GoalCandidate, pressed: ContactCandidate, rng: np.random.Generator
+    ) -> ContactCandidate:
+        """A press with the motion of the object that is expected of it."""
+        moves, _ = self._moves(view, goal, pressed.T_world_hand, pressed.opening, None, rng)
+        return ContactCandidate(
+            pressed.T_world_hand, pressed.opening, pressed.travel, moves[0], pressed.score, pressed.start
+        )
+
+    def _moves(
+        self,
+        view: SceneView,
+        goal: GoalCandidate,
+        T_world_hand: pin.SE3,
+        opening: float,
+        primary: Side | None,
+        rng: np.random.Generator,
+    ) -> tuple[list[pin.SE3], list[float]]:
+        """Motions of the object in the world frame and how good they are, best first."""
+        with torch.no_grad():
+            sight, tokens, critics = self._sight(view), self.model.tokens, self.model.critics
+            acts = [(goal.T_world_hand, goal.opening), (T_world_hand, opening)]
+            spots = [self._spot(sight, T, wide) for T, wide in acts]
+            codes = [self._code(sight, T) for T, _ in acts]
+            aim, held = (self._token(sight, spot, code) for spot, code in zip(spots, codes, strict=True))
+            place = self._place(sight, primary)
+            whole = sight.look.seen.whole
+            told = self.model.pose.condition(whole, tokens.place(place), sight.scene, self.model.goal_shown(aim), held)
+            generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
+            moves = drawn(self.model.pose.move, told, POSES, generator, middle_first=True)
+            score = torch.ones(1, POSES)
+            if critics.pose is not None and self.variant.ranked:
+                aim_j, held_j = (
+                    self._judged_token(sight, spot, gathered(sight.look.cloud[..., :3], spot), code)
+                    for spot, code in zip(spots, codes, strict=True)
+                )
+                judged = critics.pose(
+                    sight.look.judged.whole,
+                    moves,
+                    critics.tokens.text(self.text),
+                    critics.tokens.place(place),
+                    aim_j,
+                    held_j,
+                )
+                score = torch.sigmoid(judged)
+            T_moves = sight.frame.moves_world(moves, sight.frame.centre)[0].numpy().astype(float)
+        values = score[0].numpy().astype(float)
+        centre = sight.frame.centre[0].numpy()
+        at = np.array([T[:3, :3] @ centre + T[:3, 3] for T in T_moves])
+        kept = distinct(T_moves[:, :3, :3], at, values)
+        return [pin.SE3(T_moves[k]) for k in kept], [float(values[k]) for k in kept]
+
+    def _place(self, sight: Sight, primary: Side | None) -> Tensor:
+        place = surroundings(sight.view.workcell, self.task.type, primary).place
+        if place is None:
+            return torch.zeros(1, 5)
+        middle, towards = torch.from_numpy(place.astype(np.float32))[:, None]
+        return sight.frame.places(middle, towards)
+
+    def _acted(self, sight: Sight, goal: GoalCandidate, grasp: PregraspCandidate, pose: PoseCandidate) -> pin.SE3:
+        """Where the Reorient Actor brings the hand."""
+        tokens, net = self.model.tokens, self.model.reorient
+        aim, held = (
+            self._token(sight, self._spot(sight, T, opening), self._code(sight, T))
+            for T, opening in ((goal.T_world_hand, goal.opening), (grasp.T_world_hand, grasp.opening))
+        )
+        T_move = torch.from_numpy(pose.T_move.homogeneous.astype(np.float32))[None]
+        move = sight.frame.moves(T_move, sight.frame.centre)
+        whole = self.model.encoder(moved_cloud(sight.look.cloud, move)).whole
+        told = net.condition(sight.look.seen.whole, tokens.text(self.text), aim, held, whole)
+        answer = net.move.decode(told, torch.zeros(1, net.move.latent))
+        tool = np.array([0.0, 0.0, sight.view.workcell.arm("left").gripper.tcp_offset])
+        pivot = torch.from_numpy(grasp.T_world_hand.act(tool).astype(np.float32))[None]
+        T = sight.frame.moves_world(answer, pivot)[0].numpy().astype(float)
+        moved: pin.SE3 = pin.SE3(_orthonormal(T[:3, :3]), T[:3, 3]) * grasp.T_world_hand
+        return moved
+
+    # -- what is kept ----------------------------------------------------------------------------------------------
+
+    def _by_feasibility(self, made: list[Ranked], stage: str, poses: list[tuple[Side | None, pin.SE3]]) -> list[Ranked]:
+        """Candidates with their scores times the chance that the planner takes their hand poses, best first."""
+        if not made:
+            return made
+        chances = np.ones(len(made))
+        if self.variant.feasibility:
+            chances = self._chances(stage, poses)
+        scored = [replace(c, score=float(c.score * chance)) for c, chance in zip(made, chances, strict=True)]
+        return sorted(scored, key=lambda c: -c.score)[:KEPT]
+
+    def _chances(self, stage: str, poses: list[tuple[Side | None, pin.SE3]]) -> Array:
+        sight = self._sights[0]
+        workcell = sight.view.workcell
+        first = stage in ("pregrasp", "push", "press")
+        each = []
+        for side, T in poses:
+            sides = SIDES if side is None else (side,)
+            each.append([station(workcell, which, T, stage) for which in sides])
+        stations = torch.from_numpy(np.array(each, dtype=np.float32))
+        with torch.no_grad():
+            features = torch.zeros(*stations.shape[:2], 128)
+            if first:
+                tool = np.array([0.0, 0.0, workcell.arm("left").gripper.tcp_offset])
+                near = [int(np.linalg.norm(sight.points - T.act(tool), axis=1).argmin()) for _, T in poses]
+                features = sight.look.judged.points[0][torch.tensor(near)][:, None].expand(*stations.shape[:2], -1)
+            chance, _ = feasible(self.model.critics.feasibility(stations, features))
+        return np.asarray(chance.amax(dim=1).numpy(), dtype=float)
+
+    def _given(self, made: list[Ranked]) -> list[Ranked]:
+        """The candidates that are given away."""
+        return made[:1] if self.variant.first_only else made[:KEPT]
+
+    def _remember(
+        self,
+        name: MapName,
+        sight: Sight,
+        scores: Tensor,
+        made: Sequence[GoalCandidate | PregraspCandidate | ContactCandidate],
+    ) -> None:
+        mine = sight.is_object.numpy()
+        self._maps[name] = AffordanceMap(
+            name=name,
+            points=sight.points[mine],
+            scores=scores.numpy()[mine].astype(float),
+            hands=tuple(candidate.T_world_hand for candidate in made[:SHOWN]),
+            hand_scores=tuple(float(candidate.score) for candidate in made[:SHOWN]),
+        )
+
+
+def learned_proposer(name: str, task: Task, variant: Variant, weights: Path) -> LearnedProposer:
+    """A proposer with the weights of a file.
+
+    Raises:
+        BadInput: The file is missing, damaged or not a model, or was trained with a text encoder that is not here.
+    """
+    torch.set_num_threads(1)  # searches run beside each other, and the sums of several threads depend on their number
+    loaded = _loaded(weights, weights.stat().st_mtime_ns if weights.is_file() else 0)
+    if loaded.text_backend != "hash":
+        raise BadInput(
+            f"{weights} was trained with the text encoder {loaded.text_backend}; only hash can be used here."
+        )
+    text = torch.from_numpy(text_encoder(loaded.text_backend).encode([task.instruction]))
+    return LearnedProposer(name, task, loaded.model, text, variant)
+
+
+@functools.lru_cache(maxsize=4)
+def _loaded(weights: Path, changed: int) -> Checkpoint:
+    """A model, read once for each change of its file."""
+    return checkpoint.load(weights)
+
+
+def _hand(found: Drawn, k: int, tip_offset: float) -> pin.SE3:
+    R = _orthonormal(found.R_world_hand[k])
+    return pin.SE3(R, found.tip[k] - tip_offset * R[:, 2])
+
+
+def _orthonormal(R: Array) -> Array:
+    """The rotation closest to a matrix of single precision."""
+    u, _, v = np.linalg.svd(R)
+    return np.asarray(u @ v)
+
+
+def _snapped(vector: Array) -> Array:
+    """A direction in the frame of the hand, along the nearest axis of the hand where it is about along it."""
+    k = int(np.abs(vector).argmax())
+    if abs(vector[k]) < SNAP:
+        return vector
+    return np.asarray(np.sign(vector[k]) * np.eye(3)[k])
+
+
+def _assistant(view: SceneView) -> Side | None:
+    return None if view.roles is None else view.roles.assistant
+
+
+def _primary(view: SceneView) -> Side | None:
+    return None if view.roles is None else view.roles.primary
+
+
+def _unmoved(view: SceneView) -> bool:
+    return float(np.abs(view.T_move.homogeneous - np.eye(4)).max()) < AT_REST

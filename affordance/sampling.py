@@ -1,0 +1,142 @@
+"""Which actions do the networks draw where, how good do the critics find them, and which of two alike is kept?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from affordance.frames import SCALE, Frame, canonical
+from affordance.heads import drawn
+from affordance.networks import Contact
+from affordance.outlook import Look
+from affordance.pointnet2 import gathered
+
+TOP_SHARE, TOP_LEAST = 0.1, 20
+"""Share of the points with the best affordance among which some are drawn, and the least number of them."""
+
+SPOTS = 10
+"""Points drawn."""
+
+DRAWS = 32
+"""Actions drawn at each."""
+
+KEPT = 20
+"""Longest list of candidates."""
+
+NEAR, ALIKE = 0.015, np.radians(15.0)
+"""Of two hands nearer than this [m] and turned by less than this [rad] only the better is kept."""
+
+Judge = Callable[[Tensor, Tensor, Tensor], Tensor]
+"""From indices ``(1, K)``, contacts ``(1, K, 3)`` and codes ``(1, K, D, 6)`` to probabilities ``(1, K, D)``."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """Hands that the actors drew, in no order.
+
+    Attributes:
+        index: ``(k,)`` points at which they act.
+        code: ``(k, 6)`` how they are turned, in network coordinates.
+        condition: ``(k, C)`` what they were drawn under.
+        R_world_hand: ``(k, 3, 3)``.
+        tip: ``(k, 3)`` between the finger tips, in the world frame [m].
+        opening: ``(k,)`` of one finger [m].
+        score: ``(k,)`` in ``[0, 1]``.
+    """
+
+    index: Tensor
+    code: Tensor
+    condition: Tensor
+    R_world_hand: np.ndarray
+    tip: np.ndarray
+    opening: np.ndarray
+    score: np.ndarray
+
+
+def hands(
+    contact: Contact,
+    direction: Callable[[Tensor], Tensor],
+    token: Callable[[Tensor], Tensor],
+    given: Tensor,
+    view: Look,
+    frame: Frame,
+    scores: Tensor,
+    judge: Judge | None,
+    rng: np.random.Generator,
+) -> Drawn:
+    """Hands at points of good affordance.
+
+    Args:
+        contact: Who draws.
+        direction: Token of an orientation code.
+        token: Token of a contact.
+        given: ``(1, G)`` what the drawing network is told besides.
+        view: One cloud.
+        frame: Its coordinates.
+        scores: ``(N,)`` affordance of its points; nan where none may act.
+        judge: Who judges; without it, the affordance of the point is the score.
+        rng: Decides every draw.
+    """
+    spots = chosen_spots(scores, rng)
+    index = spots[None]
+    generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
+    where = gathered(view.cloud[..., :3], index)
+    condition = contact.condition(view.seen.at(index), token(where), given)
+    codes = canonical(drawn(contact.orientation, condition, DRAWS, generator, middle_first=True))
+    likely = scores[index][..., None].expand(*codes.shape[:-1]) if judge is None else judge(index, where, codes)
+    told = condition[:, :, None].expand(*codes.shape[:-1], condition.shape[-1])
+    turned = direction(codes)
+    reach = contact.reach(told, turned)
+    R = frame.rotations_world(codes)
+    contact_world = frame.points_world(where)[:, :, None]
+    tip = contact_world + SCALE * (R @ reach[..., None])[..., 0]
+    opening = contact.opening(told, turned)
+    return Drawn(
+        index=index[..., None].expand(*codes.shape[:-1]).reshape(-1),
+        code=codes.reshape(-1, codes.shape[-1]),
+        condition=told.reshape(-1, told.shape[-1]),
+        R_world_hand=R.reshape(-1, 3, 3).numpy().astype(float),
+        tip=tip.reshape(-1, 3).numpy().astype(float),
+        opening=opening.reshape(-1).numpy().astype(float),
+        score=likely.reshape(-1).numpy().astype(float),
+    )
+
+
+def chosen_spots(scores: Tensor, rng: np.random.Generator) -> Tensor:
+    """``(SPOTS,)`` points drawn without replacement from the best share of them, as likely as their scores."""
+    values = scores.numpy().astype(float)
+    allowed = np.flatnonzero(np.isfinite(values))
+    order = allowed[np.argsort(-values[allowed], kind="stable")]
+    best = order[: max(TOP_LEAST, round(TOP_SHARE * len(allowed)))]
+    weights = values[best] + 1e-9
+    picked = rng.choice(best, min(SPOTS, len(best)), replace=False, p=weights / weights.sum())
+    return torch.from_numpy(picked.astype(np.int64))
+
+
+def distinct(R: np.ndarray, at: np.ndarray, score: np.ndarray, most: int = KEPT) -> list[int]:
+    """Numbers of the best hands, best first, none near a better one that is turned alike, a half turn counting as none.
+
+    Args:
+        R: ``(k, 3, 3)``.
+        at: ``(k, 3)`` [m].
+        score: ``(k,)``.
+        most: How many.
+    """
+    flip = np.array([-1.0, -1.0, 1.0])
+    kept: list[int] = []
+    for k in np.argsort(-score, kind="stable"):
+        close = [j for j in kept if np.linalg.norm(at[k] - at[j]) < NEAR]
+        if not any(max(_cosine(R[k], R[j]), _cosine(R[k] * flip, R[j])) > np.cos(ALIKE) for j in close):
+            kept.append(int(k))
+        if len(kept) == most:
+            break
+    return kept
+
+
+def _cosine(a: np.ndarray, b: np.ndarray) -> float:
+    """Cosine of the angle between two rotations."""
+    return float(0.5 * (np.einsum("ij,ij->", a, b) - 1.0))

@@ -1,0 +1,37 @@
+"""Laws of drawing points and of thinning out hands."""
+# ruff: noqa: E402 - what needs torch is imported once it is known to be there
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+torch = pytest.importorskip("torch", reason="torch is not installed")
+
+from affordance.sampling import NEAR, SPOTS, TOP_LEAST, chosen_spots, distinct
+
+
+def test_points_are_drawn_among_the_best_and_never_from_a_hand() -> None:
+    scores = torch.linspace(0.0, 1.0, 100)
+    scores[90:] = torch.nan
+    for seed in range(20):
+        spots = chosen_spots(scores, np.random.default_rng(seed))
+        assert len(set(spots.tolist())) == SPOTS
+        assert int(spots.min()) >= 90 - TOP_LEAST and int(spots.max()) < 90
+
+
+def test_the_same_draw_gives_the_same_points() -> None:
+    scores = torch.rand(200, generator=torch.Generator().manual_seed(0))
+    first, again = (chosen_spots(scores, np.random.default_rng(3)) for _ in range(2))
+    assert torch.equal(first, again)
+
+
+def test_of_two_hands_alike_the_better_is_kept() -> None:
+    R = Rotation.random(3, random_state=np.random.default_rng(0)).as_matrix()
+    half_turned = R[0] * np.array([-1.0, -1.0, 1.0])
+    at = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * NEAR], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    turned = np.array([R[0], half_turned, R[1], R[0]])
+    kept = distinct(turned, at, np.array([0.5, 0.9, 0.1, 0.7]))
+    assert kept == [1, 3, 2]
+    assert distinct(turned, at, np.array([0.5, 0.9, 0.1, 0.7]), most=1) == [1]
