@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from affordance.grip import FINGER_HALF, FINGER_THICK, SPARE
 from robots.spatial import Array, points
 from robots.workcell import Gripper
 
@@ -35,6 +36,12 @@ TIP_HALF = 0.010
 
 TABLE_GAP = 0.004
 """Room kept between finger tips and table [m]."""
+
+BACK = 0.012
+"""Largest shift back that frees open fingers of what was seen [m]; more would miss the part."""
+
+WAY = 0.10
+"""Length of the straight way to a grasp on which the fingers must meet nothing [m]."""
 
 
 def centred(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gripper) -> tuple[pin.SE3, float]:
@@ -96,3 +103,21 @@ def above_table(T_world_hand: pin.SE3, top: float, gripper: Gripper) -> pin.SE3:
     lowest = float(points(T_world_hand, np.array(corners))[:, 2].min())
     lift = max(0.0, top + TABLE_GAP - lowest)
     return pin.SE3(T_world_hand.rotation, T_world_hand.translation + np.array([0.0, 0.0, lift]))
+
+
+def backed_off(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gripper) -> pin.SE3 | None:
+    """The hand drawn back until its open fingers meet no seen point on their straight way; ``None`` beyond ``BACK``."""
+    seen = points(T_world_hand.inverse(), cloud)
+    ahead = gripper.tip_offset - seen[:, 2]
+    beside = (
+        (np.abs(seen[:, 0]) < FINGER_HALF)
+        & (np.abs(seen[:, 1]) > opening - SPARE)
+        & (np.abs(seen[:, 1]) < opening + FINGER_THICK)
+    )
+    met = beside & (ahead > 0.0) & (ahead < WAY)
+    if not met.any():
+        return T_world_hand
+    back = float(ahead[met].max()) + SPARE
+    if back > BACK:
+        return None
+    return T_world_hand * pin.SE3(np.eye(3), np.array([0.0, 0.0, -back]))

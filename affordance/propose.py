@@ -31,7 +31,7 @@ from affordance.candidates import (
 from affordance.checkpoint import Checkpoint
 from affordance.critics import feasible
 from affordance.dataset import HAND, TURNING, spots_of, thinned
-from affordance.fitting import above_table, centred, touching
+from affordance.fitting import above_table, backed_off, centred, touching
 from affordance.frames import ROLES, SCALE, Frame, cloud_of, frame_of, moved_cloud
 from affordance.heads import drawn, joined
 from affordance.maps import AffordanceMap, MapName
@@ -140,7 +140,9 @@ class LearnedProposer:
         for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
             kind = allowed[kinds[k]]
             amount = float(amounts[k]) * (1.0 if kind in TURNING else STROKE)
-            made.append(self._goal(view, found, k, kind, [part[k] for part in parts], amount))
+            goal = self._goal(view, found, k, kind, [part[k] for part in parts], amount)
+            if goal is not None:
+                made.append(goal)
         stage = "operate" if self.task.type == "articulated" else "grasp"
         if self.task.type != "handover" and not _unmoved(view):
             made = self._by_feasibility(made, stage, [(_primary(view), c.T_world_hand) for c in made])
@@ -155,7 +157,9 @@ class LearnedProposer:
         for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
             T = _hand(found, k, gripper.tip_offset)
             T, opening = centred(T, float(found.opening[k]), view.cloud, gripper)
-            made.append(PregraspCandidate(above_table(T, view.workcell.table.top, gripper), opening, found.score[k]))
+            free = backed_off(above_table(T, view.workcell.table.top, gripper), opening, view.cloud, gripper)
+            if free is not None:
+                made.append(PregraspCandidate(free, opening, float(found.score[k])))
         side = _assistant(view)
         made = self._by_feasibility(made, "pregrasp", [(side, c.T_world_hand) for c in made])
         self._remember("pre", sight, scores, made)
@@ -306,7 +310,7 @@ class LearnedProposer:
         kind: OperationKind,
         local: list[Array],
         amount: float,
-    ) -> GoalCandidate:
+    ) -> GoalCandidate | None:
         gripper = view.workcell.arm("left").gripper
         T, opening = _hand(found, k, gripper.tip_offset), float(found.opening[k])
         if kind == "press":
@@ -314,6 +318,10 @@ class LearnedProposer:
             T = touching(T, opening, view.cloud, gripper)
         else:
             T, opening = centred(T, opening, view.cloud, gripper)
+            free = backed_off(T, opening, view.cloud, gripper)
+            if free is None:
+                return None
+            T = free
         direction, outward = (T.rotation @ _snapped(vector) for vector in local[:2])
         point = T.act(np.array([0.0, 0.0, gripper.tip_offset]) + SCALE * local[2])
         if kind == "grasp":
@@ -405,7 +413,7 @@ class LearnedProposer:
         centre = sight.frame.centre[0].numpy()
         at = np.array([T[:3, :3] @ centre + T[:3, 3] for T in T_moves])
         kept = distinct(T_moves[:, :3, :3], at, values)
-        return [pin.SE3(T_moves[k]) for k in kept], [float(values[k]) for k in kept]
+        return [_rigid(T_moves[k]) for k in kept], [float(values[k]) for k in kept]
 
     def _place(self, sight: Sight, primary: Side | None) -> Tensor:
         place = surroundings(sight.view.workcell, self.task.type, primary).place
@@ -429,7 +437,7 @@ class LearnedProposer:
         tool = np.array([0.0, 0.0, sight.view.workcell.arm("left").gripper.tcp_offset])
         pivot = torch.from_numpy(grasp.T_world_hand.act(tool).astype(np.float32))[None]
         T = sight.frame.moves_world(answer, pivot)[0].numpy().astype(float)
-        moved: pin.SE3 = pin.SE3(_orthonormal(T[:3, :3]), T[:3, 3]) * grasp.T_world_hand
+        moved: pin.SE3 = _rigid(T) * grasp.T_world_hand
         return moved
 
     # -- what is kept ----------------------------------------------------------------------------------------------
@@ -508,6 +516,10 @@ def _loaded(weights: Path, changed: int) -> Checkpoint:
 def _hand(found: Drawn, k: int, tip_offset: float) -> pin.SE3:
     R = _orthonormal(found.R_world_hand[k])
     return pin.SE3(R, found.tip[k] - tip_offset * R[:, 2])
+
+
+def _rigid(T: Array) -> pin.SE3:
+    return pin.SE3(_orthonormal(T[:3, :3]), T[:3, 3])
 
 
 def _orthonormal(R: Array) -> Array:

@@ -22,6 +22,8 @@ class Variant(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Whether the feasibility critic takes part in the ranking."""
     reorient: Literal["rigid", "actor"] = "rigid"
     """Whether the hand follows the object's pose by geometry, or where the Reorient Actor says."""
+    prepares: bool = True
+    """Whether an assistant prepares; else one arm acts on the object as it lies, as Where2Act does."""
     first_only: bool = False
     """Whether only the best candidate is given, as the paper does: nothing is resampled."""
 
@@ -31,6 +33,7 @@ VARIANTS: dict[str, Variant] = {
     "learned-paper": Variant(feasibility=False, reorient="actor", first_only=True),
     "no_ant_aff": Variant(weights="no_ant_aff"),
     "no_obj_pose": Variant(weights="no_obj_pose", reorient="actor"),
+    "w2a": Variant(prepares=False),
     "no_critic": Variant(ranked=False),
     "no_feasibility": Variant(feasibility=False),
     "actor_reorient": Variant(reorient="actor"),

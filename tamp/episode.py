@@ -13,6 +13,7 @@ import msgspec
 from msgspec import Struct
 
 from affordance.candidates import Proposer
+from affordance.variants import VARIANTS
 from robots.cache import write_atomic
 from robots.errors import BadInput, BadRunFolder
 from robots.model import DualArm
@@ -221,7 +222,10 @@ def subject_of(request: Request, task: Task, workcell: Workcell, asset: Asset) -
     budget = replace(budget, seconds=request.timeout)
     arms, pushes = DualArm(workcell), 1 if request.mode == "E1" else request.max_pushes
     cell = ready_cell(workcell, arms)
-    return Subject(task, workcell, arms, asset, request.seed, request.proposer, budget, pushes, request.overlap, cell)
+    alone = request.proposer in VARIANTS and not VARIANTS[request.proposer].prepares
+    return Subject(
+        task, workcell, arms, asset, request.seed, request.proposer, budget, pushes, request.overlap, alone, cell
+    )
 
 
 def run(
@@ -304,6 +308,8 @@ def _checked(request: Request) -> Task:
     """The task, after refusing what cannot work."""
     task = task_of(request.category)
     check_proposer(request.proposer, request.weights)
+    if task.type == "handover" and request.proposer in VARIANTS and not VARIANTS[request.proposer].prepares:
+        raise BadInput(f"{task.category} is what an assistant does; the proposer {request.proposer} has none.")
     if request.max_pushes < 1:
         raise BadInput(f"--max-pushes {request.max_pushes} is too few; give 1 or more.")
     if request.video:

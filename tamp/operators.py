@@ -189,12 +189,51 @@ RELEASE_TO_HUMAN = Operator(
     monitor="handed",
 )
 
+OPERATE_ALONE = Operator(
+    "operate",
+    "primary",
+    needs=("free arm", "free partner", "resting"),
+    adds=("operated", "engaged arm"),
+    deletes=("free arm",),
+    sampler="goal",
+    motions=("free", "approach", "close", "pull|twist|press|flip"),
+    monitor="operated",
+)
+RETREAT_ALONE = Operator(
+    "retreat",
+    "primary",
+    needs=("disengaged arm", "free partner"),
+    adds=("clear arm", "free arm"),
+    deletes=("disengaged arm",),
+    sampler="",
+    motions=("retreat",),
+    monitor="holds partner",
+)
+GRASP_ALONE = Operator(
+    "grasp",
+    "primary",
+    needs=("free arm", "free partner", "resting"),
+    adds=("holds arm",),
+    deletes=("free arm",),
+    sampler="goal",
+    motions=("open", "free", "approach", "close"),
+    monitor="holds arm",
+)
+
 OPERATORS: dict[TaskType, tuple[Operator, ...]] = {
     "articulated": (PREGRASP, LIFT_HELD, REORIENT, OPERATE, RELEASE_PART, RETREAT_FROM_PART),
     "edge_push": (PUSH, RETREAT_FROM_PUSH, GRASP_EDGE, LIFT_ALONE),
     "plate_lift": (PRESS, GRASP_RAISED, RELEASE_PRESSED, LIFT_ALONE),
     "handover": (PREGRASP, LIFT_HELD, PRESENT, RELEASE_TO_HUMAN),
 }
+
+ALONE: dict[TaskType, tuple[Operator, ...]] = {
+    "articulated": (OPERATE_ALONE, RELEASE_PART, RETREAT_ALONE),
+    "edge_push": (GRASP_ALONE, LIFT_ALONE),
+    "plate_lift": (GRASP_ALONE, LIFT_ALONE),
+    "handover": (),
+}
+"""The same for one arm that has no assistant, as Where2Act acts; success is judged as for two."""
 
 INITIAL: State = frozenset({Atom("resting"), *(Atom("free", side) for side in SIDES)})
 """Before anything moves."""
@@ -203,13 +242,15 @@ INITIAL: State = frozenset({Atom("resting"), *(Atom("free", side) for side in SI
 def solved(task: TaskType, state: State) -> bool:
     """Whether a state reaches the goal of a task type.
 
-    Articulated: operated and let go by one arm while the other still holds. Edge push and plate: one arm alone holds
-    the lifted object. Handover: the human holds it.
+    Articulated: operated and let go by one arm while the other still holds, or nobody ever did. Edge push and plate:
+    one arm alone holds the lifted object. Handover: the human holds it.
     """
     match task:
         case "articulated":
             return Atom("operated") in state and any(
-                Atom("clear", side) in state and Atom("holds", other(side)) in state for side in SIDES
+                Atom("clear", side) in state
+                and (Atom("holds", other(side)) in state or {Atom("resting"), Atom("free", other(side))} <= state)
+                for side in SIDES
             )
         case "edge_push" | "plate_lift":
             return Atom("lifted") in state and any(

@@ -20,7 +20,7 @@ from robots.workcell import SIDES, Workcell
 from tamp import plan as plan_file
 from tamp import trace as trace_file
 from tamp.drafts import Situation
-from tamp.operators import INITIAL
+from tamp.operators import ALONE, INITIAL, OPERATORS
 from tamp.overlap import overlapped
 from tamp.plan import AssetReference, Operation, Plan, StageName
 from tamp.refine import Budget, Search, Solved, Unsolved, order
@@ -71,6 +71,7 @@ class Subject:
         budget: How many candidates are tried.
         pushes: How often the object may be pushed.
         overlap: Whether one arm may already move to where it acts next while the other still acts.
+        alone: Whether one arm acts without an assistant.
         collisions: The planner's model of the cell; every round puts what it sees into it.
     """
 
@@ -83,6 +84,7 @@ class Subject:
     budget: Budget
     pushes: int
     overlap: bool
+    alone: bool
     collisions: CollisionWorld
 
 
@@ -123,7 +125,8 @@ class Round:
         seed = subject.seed + 1_000_003 * self.number
         self.search = _search(subject, view, T_world_object, proposer, seed)
         first = proposer.goal(view, np.random.default_rng(seed))
-        found = skeletons(subject.task.type, initial, repeats=subject.pushes)
+        operators = (ALONE if subject.alone else OPERATORS)[subject.task.type]
+        found = skeletons(subject.task.type, initial, operators=operators, repeats=subject.pushes)
         result = self.search.run(order(found, view, first[0] if first else None))
         if isinstance(result, Solved):
             stages = result.stages

@@ -107,9 +107,11 @@ def settings_of(arguments: Arguments) -> tuple[Settings, list[str]]:
     from tamp import ledger
     from tamp.bench.jobs import required
     from tamp.plan import package_versions
-    from tamp.proposers import PROPOSERS
+    from tamp.proposers import PROPOSERS, check_proposer
 
     methods = chosen("method", arguments.methods, PROPOSERS)
+    for method in methods:
+        check_proposer(method)
     found, absent = required(arguments.asset, wanted, splits, arguments.categories)
     return Settings(
         methods=methods,

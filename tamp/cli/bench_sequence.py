@@ -35,7 +35,7 @@ class Arguments:
 
 def run(arguments: Arguments, output: Output) -> int:
     """Plan and verify; 0 when every episode has a plan and every plan is free of faults, else 1."""
-    from tamp.bench.jobs import check_episodes, chosen, chosen_categories
+    from tamp.bench.jobs import check_episodes, chosen_categories
 
     if arguments.seeds < 1:
         raise BadInput(f"--seeds {arguments.seeds}: give 1 or more.")
@@ -44,9 +44,9 @@ def run(arguments: Arguments, output: Output) -> int:
         raise BadInput(f"--timeout {arguments.timeout} is not a time; give seconds above 0.")
     categories = chosen_categories(arguments.categories)
     from tamp.bench.sequence import measure
-    from tamp.proposers import PROPOSERS
+    from tamp.proposers import check_proposer
 
-    chosen("proposer", arguments.proposer, PROPOSERS)
+    check_proposer(arguments.proposer)
     rows: list[SequenceRow] = []
     with TemporaryDirectory(prefix="bipre-") as scratch, Progress(output) as progress:
         for category in categories:

@@ -103,12 +103,11 @@ def plan_of(arguments: Arguments) -> tuple[Settings, Targets, list[str]]:
 
     wanted = chosen_categories(arguments.categories)
     require_h5py()
-    from tamp.bench.jobs import chosen
     from tamp.data.attempts import Settings
     from tamp.data.collect import Targets
-    from tamp.proposers import PROPOSERS
+    from tamp.proposers import check_proposer
 
-    chosen("proposer", arguments.proposer, PROPOSERS)
+    check_proposer(arguments.proposer)
     found, absent = required(arguments.asset, wanted, [arguments.split], arguments.categories)
     settings = Settings(
         asset=arguments.asset,

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from affordance.fitting import ASIDE, MARGIN, REACH, TABLE_GAP, above_table, centred, touching
+from affordance.fitting import ASIDE, BACK, MARGIN, REACH, TABLE_GAP, above_table, backed_off, centred, touching
+from affordance.grip import SPARE
 from robots.spatial import hand_rotation, points
 from robots.workcell import load_workcell
 
@@ -70,3 +71,17 @@ def test_tips_far_from_anything_stay() -> None:
 def test_tips_are_kept_off_the_table(height: float) -> None:
     low = above_table(above((0.0, 0.0, height)), 0.0, GRIPPER)
     assert low.act(np.array([0.0, 0.0, GRIPPER.tip_offset]))[2] == pytest.approx(max(height, TABLE_GAP))
+
+
+@given(st.floats(-0.03, 0.03))
+def test_open_fingers_are_drawn_back_from_what_they_would_meet(deep: float) -> None:
+    """A shoulder beside a narrow part, ``deep`` above the tips."""
+    shoulder = np.concatenate([bar(0.01, 0.05), bar(0.02, 0.02, 0.03), bar(0.02, 0.02, -0.03)])
+    free = backed_off(above((0.0, 0.0, 0.02 - deep)), 0.02, shoulder, GRIPPER)
+    if deep > BACK - SPARE:
+        assert free is None
+        return
+    assert free is not None
+    tip = free.act(np.array([0.0, 0.0, GRIPPER.tip_offset]))[2]
+    assert tip >= 0.02
+    assert tip == pytest.approx(0.02 - deep) or tip <= 0.022
