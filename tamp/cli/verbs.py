@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-NAMES = ("plan", "verify", "run", "why", "view", "bench", "collect", "data", "assets", "doctor")
+NAMES = ("plan", "verify", "run", "why", "view", "bench", "collect", "data", "train", "assets", "doctor")
 
 Loader = Callable[[], Any]
 

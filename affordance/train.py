@@ -1,0 +1,441 @@
+"""How are the weights fitted? One step after another, each decided by its number, so that stopping changes nothing.
+
+A checkpoint holds the networks, their running mean and the optimiser; training goes on from it as if it had never
+stopped. The running mean labels affordances, and is what is given out in the end.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import resource
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from msgspec import structs
+from torch import Tensor
+
+from affordance import checkpoint
+from affordance.checkpoint import Checkpoint
+from affordance.dataset import Dataset
+from affordance.examples import Example
+from affordance.losses import Parts, total
+from affordance.networks import Model
+from affordance.objective import parts_of, validate
+from affordance.settings import Settings
+from affordance.text import Backend, text_encoder
+from robots.cache import write_atomic
+from robots.errors import BadInput
+
+CHECKPOINT, WEIGHTS, LOG = "checkpoint.safetensors", "weights.safetensors", "log.jsonl"
+
+SAVE_EVERY = 60.0
+"""Seconds between two checkpoints."""
+
+LOG_EVERY, VALIDATE_EVERY = 20, 500
+"""Steps between two lines of the log, and between two validations."""
+
+VALIDATED = 16
+"""Rows of a batch in validation."""
+
+ADAPTING_RATE = 1e-4
+"""Learning rate while adapting: what is learned already is to be corrected, not forgotten."""
+
+AVERAGE, FIRST, SECOND = "average.", "first.", "second."
+"""Beginnings of the names of a checkpoint's extra tensors: running mean of the weights, of the gradient, of its square."""
+
+Watch = Callable[[int, Mapping[str, float]], None]
+"""Is told the step and the numbers of every line of the log."""
+
+LossOf = Callable[..., Parts]
+"""As ``affordance.objective.parts_of``."""
+
+
+@dataclass
+class Fitting:
+    """A training in progress.
+
+    Attributes:
+        model: The networks that learn.
+        average: Their running mean.
+        optimiser: Adam.
+        settings: What decides them.
+        seed: Decides everything that is drawn, with the number of the step.
+        text_backend: Encoder of the instructions.
+        adapting: Whether only judges and maps learn.
+        step: Steps done.
+    """
+
+    model: Model
+    average: Model
+    optimiser: torch.optim.Adam
+    settings: Settings
+    seed: int
+    text_backend: Backend
+    adapting: bool
+    step: int = 0
+    _names: list[str] = field(default_factory=list)
+
+    def rate(self) -> float:
+        """Learning rate of the next step: a cosine from the first to the last (Loshchilov and Hutter, "SGDR", ICLR
+        2017, eq. 5, without restarts).
+        """
+        if self.adapting:
+            return ADAPTING_RATE
+        training = self.settings.training
+        share = min(1.0, self.step / training.steps)
+        return training.last_rate + 0.5 * (training.rate - training.last_rate) * (1.0 + math.cos(math.pi * share))
+
+    def advance(self, dataset: Dataset, device: str, loss_of: LossOf = parts_of) -> Parts:
+        """One step.
+
+        Raises:
+            BadInput: A part of the loss is not finite; nothing has been changed then.
+        """
+        training, rng, generator = self.settings.training, self._rng(), self._generator(device)
+        batch = dataset.batch(rng, training.batch).to(device)
+        with _precision(device):
+            parts = loss_of(self.model, self.average, batch, self.step, generator, adapting=self.adapting)
+            loss = total(parts, self.settings.losses)
+        if not bool(torch.isfinite(loss)):
+            bad = [f.name for f in fields(Parts) if not bool(torch.isfinite(getattr(parts, f.name)).all())]
+            raise BadInput(
+                f"Training stopped at step {self.step}: the loss of {', '.join(bad)} is not a finite number."
+            )
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.rate()
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_([w for w in self.model.parameters() if w.requires_grad], training.clip)
+        self.optimiser.step()
+        self._average_in()
+        self.step += 1
+        return parts
+
+    def _average_in(self) -> None:
+        """Take the weights into the running mean, which follows faster at the beginning."""
+        decay = min(self.settings.training.average, (1.0 + self.step) / (10.0 + self.step))
+        with torch.no_grad():
+            for mean, weight in zip(self.average.parameters(), self.model.parameters(), strict=True):
+                mean.lerp_(weight, 1.0 - decay)
+            for kept, value in zip(self.average.buffers(), self.model.buffers(), strict=True):
+                kept.copy_(torch.lerp(kept, value, 1.0 - decay) if kept.is_floating_point() else value)
+
+    def _rng(self) -> np.random.Generator:
+        return np.random.default_rng([self.seed, self.step])
+
+    def _generator(self, device: str) -> torch.Generator:
+        number = int(np.random.default_rng([self.seed, self.step, 1]).integers(2**62))
+        return torch.Generator(device=device).manual_seed(number)
+
+    # -- keeping it ------------------------------------------------------------------------------------------------
+
+    def save(self, folder: Path) -> None:
+        """Write the checkpoint."""
+        extra = {f"{AVERAGE}{name}": tensor for name, tensor in self.average.state_dict().items()}
+        for name, weight in self.model.named_parameters():
+            state = self.optimiser.state.get(weight)
+            if state:
+                extra[f"{FIRST}{name}"], extra[f"{SECOND}{name}"] = state["exp_avg"], state["exp_avg_sq"]
+        checkpoint.save(folder / CHECKPOINT, self.model, self.text_backend, self.step, extra)
+
+    def give_out(self, folder: Path) -> Path:
+        """Write the running mean alone, which is what proposers read."""
+        return checkpoint.save(folder / WEIGHTS, self.average, self.text_backend, self.step)
+
+    def go_on_from(self, found: Checkpoint) -> None:
+        """Take over everything from a checkpoint of the same settings."""
+        self.model.load_state_dict(found.model.state_dict())
+        self.model.train()
+        mean = {name.removeprefix(AVERAGE): t for name, t in found.extra.items() if name.startswith(AVERAGE)}
+        self.average.load_state_dict(mean)
+        for name, weight in self.model.named_parameters():
+            if f"{FIRST}{name}" in found.extra:
+                self.optimiser.state[weight] = {
+                    "step": torch.tensor(float(found.step)),
+                    "exp_avg": found.extra[f"{FIRST}{name}"].to(weight.device).clone(),
+                    "exp_avg_sq": found.extra[f"{SECOND}{name}"].to(weight.device).clone(),
+                }
+        self.step = found.step
+
+
+def begun(
+    settings: Settings,
+    *,
+    seed: int,
+    text_backend: Backend,
+    device: str = "cpu",
+    start: Checkpoint | None = None,
+    adapting: bool = False,
+) -> Fitting:
+    """A training before its first step.
+
+    Args:
+        settings: What is built and how it is fitted.
+        seed: Decides the first weights and every draw.
+        text_backend: Encoder of the instructions.
+        device: ``cpu`` or ``cuda``.
+        start: Weights to begin with; without it, random ones.
+        adapting: Whether only judges and maps learn from then on.
+    """
+    torch.manual_seed(seed)
+    model = Model(settings) if start is None else copy.deepcopy(start.model)
+    model.to(device).train()
+    if adapting:
+        for name, weight in model.named_parameters():
+            weight.requires_grad_(learns_while_adapting(name))
+    average = copy.deepcopy(model).eval()
+    average.requires_grad_(False)
+    training = settings.training
+    learned = [weight for weight in model.parameters() if weight.requires_grad]
+    optimiser = torch.optim.Adam(learned, training.rate, weight_decay=training.weight_decay)
+    return Fitting(model, average, optimiser, settings, seed, text_backend, adapting)
+
+
+def learns_while_adapting(name: str) -> bool:
+    """Whether the weight of that name is a judge's or a map's."""
+    return name.startswith(("critics.", "goal.scorer.", "pre.scorer."))
+
+
+def train(
+    fitting: Fitting,
+    dataset: Dataset,
+    held_out: Dataset | None,
+    folder: Path,
+    watch: Watch,
+    *,
+    device: str = "cpu",
+    steps: int | None = None,
+    loss_of: LossOf = parts_of,
+) -> dict[str, float]:
+    """Train to the last step; whatever ends it early leaves a checkpoint of the last step done.
+
+    Args:
+        fitting: Fresh, or gone on with.
+        dataset: What is learned from.
+        held_out: What validation looks at.
+        folder: Where checkpoint, weights and log are.
+        watch: Is told of progress.
+        device: ``cpu`` or ``cuda``.
+        steps: Last step; without it the settings'.
+        loss_of: The loss of a batch.
+
+    Returns:
+        The last validation.
+    """
+    last = fitting.settings.training.steps if steps is None else steps
+    batches = [] if held_out is None else [batch.to(device) for batch in held_out.fixed(VALIDATED)]
+    told, saved, began = {}, time.monotonic(), time.monotonic()
+    _cut_back(folder / LOG, fitting.step)
+    sums: dict[str, float] = {}
+    try:
+        while fitting.step < last:
+            parts = fitting.advance(dataset, device, loss_of)
+            for f in fields(Parts):
+                sums[f.name] = sums.get(f.name, 0.0) + float(getattr(parts, f.name).detach())
+            if fitting.step % LOG_EVERY == 0 or fitting.step == last:
+                count = (fitting.step - 1) % LOG_EVERY + 1
+                line = {name: value / count for name, value in sums.items()}
+                line |= {
+                    "loss": _weighed(line, fitting.settings),
+                    "rate": fitting.rate(),
+                    "seconds": time.monotonic() - began,
+                }
+                _write_line(folder / LOG, {"step": fitting.step, **line})
+                watch(fitting.step, line)
+                sums = {}
+            if batches and (fitting.step % VALIDATE_EVERY == 0 or fitting.step == last):
+                generator = torch.Generator(device=device).manual_seed(fitting.seed)
+                told = validate(fitting.average, batches, generator)
+                _write_line(folder / LOG, {"step": fitting.step, "validation": told})
+            if time.monotonic() - saved > SAVE_EVERY:
+                fitting.save(folder)
+                saved = time.monotonic()
+    finally:
+        fitting.save(folder)
+    fitting.give_out(folder)
+    return told
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """How a training ended.
+
+    Attributes:
+        steps: Done in all.
+        rows: Examples learned from.
+        held_out: Examples of validation.
+        parameters: Of the networks.
+        validation: Its last numbers.
+        weights: The file of weights.
+        seconds: Wall time of this call [s].
+    """
+
+    steps: int
+    rows: int
+    held_out: int
+    parameters: int
+    validation: dict[str, float]
+    weights: str
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """What a training would take.
+
+    Attributes:
+        rows, held_out, parameters: As in ``Fitted``.
+        steps: Wanted.
+        megabytes: Largest memory of this process after the steps that were tried [MB].
+        seconds_per_step: Median of the steps that were tried [s].
+        hours: Of all steps.
+    """
+
+    rows: int
+    held_out: int
+    parameters: int
+    steps: int
+    megabytes: float
+    seconds_per_step: float
+    hours: float
+
+
+TRIED = 5
+"""Steps tried for a forecast, after one that warms up."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """What is to be fitted.
+
+    Attributes:
+        learned, held_out: Examples to learn from, and of objects kept aside.
+        settings: What is built and how.
+        seed: Decides everything drawn.
+        device: ``cpu`` or ``cuda``.
+        threads: Of the CPU.
+        adapt: Weights whose judges and maps are corrected; ``None`` trains everything from nothing.
+    """
+
+    learned: Sequence[Example]
+    held_out: Sequence[Example]
+    settings: Settings
+    seed: int
+    device: str
+    threads: int
+    adapt: Path | None
+
+    def begun(self) -> Fitting:
+        """Before the first step.
+
+        Raises:
+            BadInput: There is no CUDA, or the weights to adapt cannot be used.
+        """
+        if self.device == "cuda" and not torch.cuda.is_available():
+            raise BadInput("--device cuda: torch sees no CUDA device here; leave it out to train on the CPU.")
+        torch.set_num_threads(self.threads)
+        start = None if self.adapt is None else checkpoint.load(self.adapt)
+        if start is not None:
+            fixed = structs.replace(start.model.settings, training=self.settings.training)
+            start.model.settings = fixed
+            return begun(
+                fixed, seed=self.seed, text_backend=start.text_backend, device=self.device, start=start, adapting=True
+            )
+        return begun(self.settings, seed=self.seed, text_backend="hash", device=self.device)
+
+
+def fit(task: Task, folder: Path, watch: Watch) -> Fitted:
+    """Train in a folder, going on from the checkpoint in it, if there is one.
+
+    Raises:
+        BadInput: The checkpoint there cannot be used, or the loss stops being finite.
+    """
+    started, fitting = time.monotonic(), task.begun()
+    if (folder / CHECKPOINT).is_file():
+        found = checkpoint.load(folder / CHECKPOINT)
+        fitting.go_on_from(found)
+    encoder = text_encoder(fitting.text_backend)
+    dataset = Dataset(task.learned, fitting.settings, encoder, seed=task.seed)
+    held_out = Dataset(task.held_out, fitting.settings, encoder, seed=task.seed) if task.held_out else None
+    told = train(fitting, dataset, held_out, folder, watch, device=task.device, steps=task.settings.training.steps)
+    return Fitted(
+        steps=fitting.step,
+        rows=len(dataset),
+        held_out=0 if held_out is None else len(held_out),
+        parameters=_count(fitting.model),
+        validation=told,
+        weights=str(folder / WEIGHTS),
+        seconds=round(time.monotonic() - started, 1),
+    )
+
+
+def forecast(task: Task) -> Forecast:
+    """Sizes, memory and time, from a few steps whose result is dropped."""
+    fitting = task.begun()
+    dataset = Dataset(task.learned, fitting.settings, text_encoder(fitting.text_backend), seed=task.seed)
+    spent = []
+    for _ in range(1 + TRIED):
+        began = time.perf_counter()
+        fitting.advance(dataset, task.device)
+        spent.append(time.perf_counter() - began)
+    each, steps = float(np.median(spent[1:])), task.settings.training.steps
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return Forecast(
+        len(dataset), len(task.held_out), _count(fitting.model), steps, round(peak, 1), round(each, 3),
+        round(each * steps / 3600, 2),
+    )  # fmt: skip
+
+
+def _count(model: Model) -> int:
+    return sum(weight.numel() for weight in model.parameters())
+
+
+def _weighed(parts: Mapping[str, float], settings: Settings) -> float:
+    tensors = {f.name: torch.tensor(parts[f.name]) for f in fields(Parts)}
+    return float(total(Parts(**tensors), settings.losses))
+
+
+def _write_line(path: Path, values: Mapping[str, Any]) -> None:
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(values) + "\n")
+
+
+def _cut_back(path: Path, step: int) -> None:
+    """Forget what the log says of steps after a checkpoint, and a line that was cut off."""
+    if not path.is_file():
+        return
+    kept = []
+    for line in path.read_text("utf-8").splitlines():
+        try:
+            if json.loads(line)["step"] <= step:
+                kept.append(line)
+        except (json.JSONDecodeError, KeyError, TypeError):
+            break
+    write_atomic(path, "".join(f"{line}\n" for line in kept).encode())
+
+
+@contextmanager
+def _precision(device: str) -> Iterator[None]:
+    """Half precision with eight bits of exponent on a GPU, where it needs no scaling of the loss."""
+    if device != "cuda":
+        yield
+        return
+    with torch.autocast("cuda", dtype=torch.bfloat16):
+        yield
+
+
+def tensors_of(fitting: Fitting) -> dict[str, Tensor]:
+    """Every number that a training consists of, for comparing two."""
+    found = dict(fitting.model.state_dict()) | {f"{AVERAGE}{k}": v for k, v in fitting.average.state_dict().items()}
+    for name, weight in fitting.model.named_parameters():
+        for key, value in fitting.optimiser.state.get(weight, {}).items():
+            found[f"{key}.{name}"] = torch.as_tensor(value)
+    return found

@@ -1,0 +1,172 @@
+"""Train the networks on collected episodes; the same command goes on where an interrupted one ended.
+
+Writes OUT/checkpoint.safetensors every minute, log.jsonl and curves.png, and at the end weights.safetensors, which
+`bipre plan --proposer learned --weights` reads (needs the extra `learn`).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+from msgspec import Struct
+
+from robots.errors import BadInput, MissingDependency
+from tamp.cli.output import Output
+
+if TYPE_CHECKING:
+    from affordance.settings import Settings
+
+
+class Begun(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """All that a training keeps when it goes on; data and steps may grow."""
+
+    profile: str
+    preset: str
+    head: str
+    no_anticipation: bool
+    no_object_pose: bool
+    batch: int
+    adapt: str
+    seed: int
+    device: str
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Arguments of ``bipre train``."""
+
+    data: str
+    """Data sets of `bipre collect`, with commas between."""
+    out: Path
+    """Folder of the training."""
+    steps: int | None = None
+    """Steps in all; without it the profile's."""
+    epochs: float | None = None
+    """How often each example is seen, instead of --steps."""
+    batch: int | None = None
+    """Examples of a step."""
+    profile: str = "shipped"
+    """How many points are looked at: paper, default, cpu, shipped or test."""
+    preset: str = "default"
+    """Weights of the losses: default, sxy, biassembly or printed."""
+    head: Literal["cvae", "flow"] = "cvae"
+    """What draws orientations and poses."""
+    no_anticipation: bool = False
+    """The ablation that never shows the goal to the preparing arm."""
+    no_object_pose: bool = False
+    """The ablation without an object pose for the reorientation."""
+    adapt: Path | None = None
+    """Weights whose critics and maps are corrected on the data, while the actors stay."""
+    seed: int = 0
+    """Decides the first weights and every draw."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Where it is computed."""
+    threads: int | None = None
+    """CPU threads; without it one a core."""
+    dry_run: bool = False
+    """Tell sizes, memory and time, and write nothing."""
+    json: bool = False
+    """One JSON object on stdout, nothing else."""
+    debug: bool = False
+    """Show tracebacks of input errors."""
+
+
+def run(arguments: Arguments, output: Output) -> int:
+    """Train to the last step; 0 when it was reached."""
+    settings = _checked(arguments)
+    from dataclasses import asdict
+
+    from affordance.train import LOG, Task, fit, forecast
+    from tamp import ledger
+    from tamp.learning import examples_in
+
+    learned, held_out = examples_in([Path(name) for name in arguments.data.split(",")])
+    settings = _timed(arguments, settings, len(learned))
+    output.text(f"{len(learned)} examples to learn from, {len(held_out)} of objects kept aside")
+    threads = arguments.threads or os.cpu_count() or 1
+    task = Task(learned, held_out, settings, arguments.seed, arguments.device, threads, arguments.adapt)
+    if arguments.dry_run:
+        expected = forecast(task)
+        output.text(
+            f"{expected.parameters / 1e6:.2f} M parameters, {expected.megabytes:.0f} MB, "
+            f"{expected.seconds_per_step:.2f} s a step, {expected.hours:.2f} h for {expected.steps} steps"
+        )
+        output.emit(asdict(expected))
+        return 0
+
+    def watch(step: int, line: Mapping[str, float]) -> None:
+        left = (settings.training.steps - step) * line["seconds"] / max(1, step)
+        output.text(
+            f"step {step} of {settings.training.steps}, loss {line['loss']:.3f}, about {left / 60:.0f} min left"
+        )
+
+    with ledger.claimed(arguments.out, _begun(arguments, settings)):
+        done = fit(task, arguments.out, watch)
+    from affordance.curves import write_curves
+
+    write_curves(arguments.out / LOG, arguments.out / "curves.png")
+    for name, value in done.validation.items():
+        output.text(f"validation {name}: {value:.3f}")
+    output.text(f"saved {done.weights}")
+    output.emit(asdict(done))
+    return 0
+
+
+def _checked(arguments: Arguments) -> Settings:
+    """What is built and how, after refusing what cannot work before anything heavy is loaded."""
+    from affordance.settings import settings_of
+
+    settings = settings_of(arguments.profile, arguments.preset)
+    for name in ("steps", "batch", "threads"):
+        value = getattr(arguments, name)
+        if value is not None and value < 1:
+            raise BadInput(f"--{name} {value}: give 1 or more.")
+    if arguments.steps is not None and arguments.epochs is not None:
+        raise BadInput("--steps and --epochs both say how long; leave one of them out.")
+    if arguments.epochs is not None and not (math.isfinite(arguments.epochs) and arguments.epochs > 0.0):
+        raise BadInput(f"--epochs {arguments.epochs}: give a number above 0.")
+    if arguments.seed < 0:
+        raise BadInput(f"--seed {arguments.seed} is negative; give 0 or more.")
+    if arguments.adapt is not None and not arguments.adapt.is_file():
+        raise BadInput(f"--adapt {arguments.adapt}: there is no such file.")
+    for package, what in (("torch", "Training"), ("h5py", "A data set"), ("PIL", "The picture of the curves")):
+        if importlib.util.find_spec(package) is None:
+            raise MissingDependency(package.replace("PIL", "pillow"), "learn", what)
+    batch = settings.training.batch if arguments.batch is None else arguments.batch
+    return msgspec.structs.replace(
+        settings,
+        training=msgspec.structs.replace(settings.training, batch=batch),
+        head=arguments.head,
+        anticipation=not arguments.no_anticipation,
+        object_pose=not arguments.no_object_pose,
+    )
+
+
+def _timed(arguments: Arguments, settings: Settings, examples: int) -> Settings:
+    """The settings with as many steps as were asked for."""
+    training = settings.training
+    steps = training.steps if arguments.steps is None else arguments.steps
+    if arguments.epochs is not None:
+        steps = max(1, round(arguments.epochs * examples / training.batch))
+    return msgspec.structs.replace(settings, training=msgspec.structs.replace(training, steps=steps))
+
+
+def _begun(arguments: Arguments, settings: Settings) -> Begun:
+    return Begun(
+        profile=arguments.profile,
+        preset=arguments.preset,
+        head=arguments.head,
+        no_anticipation=arguments.no_anticipation,
+        no_object_pose=arguments.no_object_pose,
+        batch=settings.training.batch,
+        adapt=str(arguments.adapt or ""),
+        seed=arguments.seed,
+        device=arguments.device,
+    )
