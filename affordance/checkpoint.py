@@ -76,7 +76,15 @@ class Checkpoint:
     extra: Mapping[str, Tensor] = field(default_factory=dict)
 
 
-def save(path: Path, model: Model, text_backend: Backend, step: int, extra: Mapping[str, Tensor] | None = None) -> Path:
+def save(
+    path: Path,
+    model: Model,
+    text_backend: Backend,
+    step: int,
+    extra: Mapping[str, Tensor] | None = None,
+    *,
+    half: bool = False,
+) -> Path:
     """Write a model; the file is either absent, old or complete.
 
     Args:
@@ -85,9 +93,12 @@ def save(path: Path, model: Model, text_backend: Backend, step: int, extra: Mapp
         text_backend: Name of the text encoder it is trained with.
         step: Of training.
         extra: Further tensors to keep with it.
+        half: Whether numbers are kept in 16 bits, which is enough to ask the networks and half the size.
     """
     tensors = {**model.state_dict(), **{EXTRA + name: tensor for name, tensor in (extra or {}).items()}}
     plain = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
+    if half:
+        plain = {name: tensor.half() if tensor.is_floating_point() else tensor for name, tensor in plain.items()}
     header = Header(
         format=FORMAT,
         version=VERSION,
@@ -112,6 +123,7 @@ def load(path: Path) -> Checkpoint:
     """
     header, tensors = _read(path)
     extra = {name.removeprefix(EXTRA): tensors.pop(name) for name in list(tensors) if name.startswith(EXTRA)}
+    tensors = {name: tensor.float() if tensor.dtype == torch.float16 else tensor for name, tensor in tensors.items()}
     model = Model(header.settings)
     _require_same_shapes(path, model.state_dict(), tensors)
     model.load_state_dict(tensors)

@@ -62,7 +62,7 @@ class Losses(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """``arccos`` is the paper's formula, clamped, whose gradient vanishes near 0 and pi."""
     flip: bool = True
     """Whether a hand turned by half a turn about its approach counts as the same hand: two equal fingers."""
-    kl_warmup: int = 2000
+    kl_warmup: int = 500
     """Steps over which the weight of the divergence rises from zero."""
     draws: int = 100
     """Actions drawn at a point whose affordance is wanted."""
@@ -92,7 +92,7 @@ class Training(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     weight_decay: float = 1e-5
     clip: float = 1.0
     """Largest norm of the gradient."""
-    average: float = 0.999
+    average: float = 0.998
     """Decay of the running mean of the weights that label affordances."""
     dropout: float = 0.1
     """Share of rows whose goal action is hidden from the networks that follow it."""
@@ -120,7 +120,7 @@ PROFILES: dict[str, Profile] = {
     "paper": Profile(points=8192, centres=(1024, 256, 64, 16)),
     "default": Profile(points=2048, centres=(512, 128, 32, 16)),
     "cpu": Profile(points=1024, centres=(256, 64, 32, 16)),
-    "shipped": Profile(points=512, centres=(128, 48, 24, 12), neighbours=16),
+    "shipped": Profile(points=512, centres=(128, 48, 16, 6), neighbours=16),
     "test": Profile(points=256, centres=(64, 32, 16, 8)),
 }
 """Sizes of a cloud by name."""

@@ -48,8 +48,12 @@ VALIDATED = 16
 ADAPTING_RATE = 1e-4
 """Learning rate while adapting: what is learned already is to be corrected, not forgotten."""
 
-AVERAGE, FIRST, SECOND = "average.", "first.", "second."
-"""Beginnings of the names of a checkpoint's extra tensors: running mean of the weights, of the gradient, of its square."""
+AVERAGE, FIRST, SECOND, COUNT = "average.", "first.", "second.", "count."
+"""Beginnings of the names of a checkpoint's extra tensors: means of the weights, the gradient and its square, and how
+often Adam has moved a weight: maps are not learned in every step."""
+
+ADAM = {COUNT: "step", FIRST: "exp_avg", SECOND: "exp_avg_sq"}
+"""What Adam calls these."""
 
 Watch = Callable[[int, Mapping[str, float]], None]
 """Is told the step and the numbers of every line of the log."""
@@ -97,7 +101,7 @@ class Fitting:
         """One step.
 
         Raises:
-            BadInput: A part of the loss is not finite; nothing has been changed then.
+            BadInput: A part of the loss is not finite; no weight has been changed then.
         """
         training, rng, generator = self.settings.training, self._rng(), self._generator(device)
         batch = dataset.batch(rng, training.batch).to(device)
@@ -143,12 +147,12 @@ class Fitting:
         for name, weight in self.model.named_parameters():
             state = self.optimiser.state.get(weight)
             if state:
-                extra[f"{FIRST}{name}"], extra[f"{SECOND}{name}"] = state["exp_avg"], state["exp_avg_sq"]
+                extra |= {f"{kind}{name}": state[key] for kind, key in ADAM.items()}
         checkpoint.save(folder / CHECKPOINT, self.model, self.text_backend, self.step, extra)
 
     def give_out(self, folder: Path) -> Path:
         """Write the running mean alone, which is what proposers read."""
-        return checkpoint.save(folder / WEIGHTS, self.average, self.text_backend, self.step)
+        return checkpoint.save(folder / WEIGHTS, self.average, self.text_backend, self.step, half=True)
 
     def go_on_from(self, found: Checkpoint) -> None:
         """Take over everything from a checkpoint of the same settings."""
@@ -158,10 +162,9 @@ class Fitting:
         self.average.load_state_dict(mean)
         for name, weight in self.model.named_parameters():
             if f"{FIRST}{name}" in found.extra:
+                kept = {key: found.extra[f"{kind}{name}"].clone() for kind, key in ADAM.items()}
                 self.optimiser.state[weight] = {
-                    "step": torch.tensor(float(found.step)),
-                    "exp_avg": found.extra[f"{FIRST}{name}"].to(weight.device).clone(),
-                    "exp_avg_sq": found.extra[f"{SECOND}{name}"].to(weight.device).clone(),
+                    key: tensor if key == "step" else tensor.to(weight.device) for key, tensor in kept.items()
                 }
         self.step = found.step
 

@@ -68,6 +68,16 @@ def test_a_model_comes_back_as_it_was(model: Model, written: bytes, tmp_path: Pa
     assert not found.model.training
 
 
+def test_half_the_size_is_nearly_the_same_model(model: Model, written: bytes, tmp_path: Path) -> None:
+    path = checkpoint.save(tmp_path / "half", model, "hash", 1234, half=True)
+    assert path.stat().st_size < 0.52 * len(written)
+    found = checkpoint.load(path).model
+    assert all(weight.dtype == torch.float32 for weight in found.parameters())
+    with torch.no_grad():
+        there, here = (one.encoder(clouds(1, 256)).points for one in (found, model))
+    assert float((there - here).abs().max()) < 0.02 * float(here.abs().max())
+
+
 def test_the_same_model_gives_the_same_bytes(model: Model, written: bytes, tmp_path: Path) -> None:
     again = checkpoint.save(tmp_path / "again", model, "hash", 1234, {"adam.step": torch.tensor(7)})
     assert again.read_bytes() == written

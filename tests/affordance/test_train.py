@@ -1,0 +1,160 @@
+"""Laws of training, on the stored episodes: it learns, it resumes exactly, it stops in time, it keeps what it did."""
+# ruff: noqa: E402 - what needs torch is imported once it is known to be there
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="torch is not installed")
+pytest.importorskip("h5py", reason="the extra `data` is not installed")
+
+from affordance import checkpoint
+from affordance.curves import series_in, write_curves
+from affordance.dataset import Dataset
+from affordance.objective import parts_of
+from affordance.settings import Settings, settings_of
+from affordance.text import HashText
+from affordance.train import CHECKPOINT, LOG, WEIGHTS, Fitting, Task, begun, fit, forecast, tensors_of, train
+from robots.errors import BadInput
+from tamp.learning import examples_in
+
+STORED = Path(__file__).parents[1] / "data" / "episodes"
+
+
+def settings(steps: int) -> Settings:
+    small = settings_of("test")
+    return msgspec.structs.replace(small, training=msgspec.structs.replace(small.training, batch=4, steps=steps))
+
+
+@pytest.fixture(scope="module")
+def dataset() -> Dataset:
+    learned, kept = examples_in([STORED])
+    return Dataset([*learned, *kept], settings(1), HashText())
+
+
+def fresh(steps: int, **more: bool) -> Fitting:
+    torch.set_num_threads(1)
+    return begun(settings(steps), seed=3, text_backend="hash", **more)
+
+
+def silent(step: int, line: object) -> None:
+    """Nobody watches."""
+
+
+def test_what_is_shown_again_is_learned(dataset: Dataset, tmp_path: Path) -> None:
+    train(fresh(60), dataset, None, tmp_path, silent)
+    losses = series_in(tmp_path / LOG)["loss"][1]
+    assert losses[-1] < 0.75 * losses[0]
+    assert checkpoint.load(tmp_path / WEIGHTS).step == 60
+    assert write_curves(tmp_path / LOG, tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_stopping_and_going_on_changes_no_bit(dataset: Dataset, tmp_path: Path) -> None:
+    whole, half = fresh(6), fresh(6)
+    for _ in range(6):
+        whole.advance(dataset, "cpu")
+    for _ in range(3):
+        half.advance(dataset, "cpu")
+    half.save(tmp_path)
+    again = fresh(6)
+    again.go_on_from(checkpoint.load(tmp_path / CHECKPOINT))
+    for _ in range(3):
+        again.advance(dataset, "cpu")
+    ours, theirs = tensors_of(again), tensors_of(whole)
+    assert ours.keys() == theirs.keys() and again.step == whole.step == 6
+    assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
+
+
+def test_an_interruption_keeps_what_was_done(dataset: Dataset, tmp_path: Path) -> None:
+    def stop(step: int, line: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(fresh(100), dataset, None, tmp_path, stop)
+    assert checkpoint.load(tmp_path / CHECKPOINT).step == 20
+    assert not (tmp_path / WEIGHTS).exists()
+
+
+def test_the_log_forgets_what_came_after_the_checkpoint(dataset: Dataset, tmp_path: Path) -> None:
+    lines = [json.dumps({"step": step, "loss": 1.0}) for step in (20, 40)]
+    (tmp_path / LOG).write_text("\n".join([*lines, '{"step": 60, "lo']), "utf-8")
+    fitting = fresh(21)
+    fitting.step = 20
+    train(fitting, dataset, None, tmp_path, silent)
+    assert [json.loads(line)["step"] for line in (tmp_path / LOG).read_text("utf-8").splitlines()] == [20, 21]
+
+
+def test_a_loss_that_is_not_a_number_stops_before_any_weight_changes(dataset: Dataset) -> None:
+    fitting = fresh(10)
+    before = {name: weight.detach().clone() for name, weight in fitting.model.named_parameters()}
+
+    def broken(*args: object, **more: object) -> object:
+        return replace(parts_of(*args, **more), push=torch.tensor(float("nan")))  # type: ignore[arg-type]
+
+    with pytest.raises(BadInput, match=r"step 0: the loss of push is not a finite number"):
+        fitting.advance(dataset, "cpu", broken)  # type: ignore[arg-type]
+    assert fitting.step == 0
+    assert all(torch.equal(weight, before[name]) for name, weight in fitting.model.named_parameters())
+
+
+def test_the_mean_follows_the_weights(dataset: Dataset) -> None:
+    fitting = fresh(10)
+    before = [weight.detach().clone() for weight in fitting.average.parameters()]
+    fitting.advance(dataset, "cpu")
+    for old, mean, weight in zip(before, fitting.average.parameters(), fitting.model.parameters(), strict=True):
+        assert torch.allclose(mean, old + (1.0 - 0.1) * (weight - old), atol=1e-6)
+
+
+def test_the_rate_falls_along_a_cosine() -> None:
+    fitting = fresh(100)
+    rates = []
+    for step in (0, 50, 100, 200):
+        fitting.step = step
+        rates.append(fitting.rate())
+    assert rates == pytest.approx([1e-3, 0.5 * (1e-3 + 1e-5), 1e-5, 1e-5])
+
+
+def test_adapting_changes_judges_and_maps_alone(dataset: Dataset) -> None:
+    start = begun(settings(4), seed=1, text_backend="hash")
+    path = checkpoint.Checkpoint(start.model, "hash", 4, {})
+    fitting = begun(settings(4), seed=3, text_backend="hash", start=path, adapting=True)
+    before = {name: weight.detach().clone() for name, weight in fitting.model.named_parameters()}
+    for _ in range(3):
+        fitting.advance(dataset, "cpu")
+    changed = {name for name, weight in fitting.model.named_parameters() if not torch.equal(weight, before[name])}
+    assert changed and all(name.startswith(("critics.", "goal.scorer.", "pre.scorer.")) for name in changed)
+
+
+def test_fitting_goes_on_where_it_ended(tmp_path: Path) -> None:
+    learned, kept = examples_in([STORED])
+    tasks = [Task(learned, kept, settings(steps), 0, "cpu", 1, None) for steps in (2, 4)]
+    assert fit(tasks[0], tmp_path, silent).steps == 2
+    done = fit(tasks[1], tmp_path, silent)
+    assert (done.steps, done.rows, done.held_out) == (4, len(learned), len(kept))
+    (tmp_path / "adapted").mkdir()
+    assert fit(replace(tasks[0], adapt=Path(done.weights)), tmp_path / "adapted", silent).steps == 2
+
+
+def test_a_forecast_writes_nothing_and_tells_sizes(tmp_path: Path) -> None:
+    learned, kept = examples_in([STORED])
+    told = forecast(Task(learned, kept, settings(1000), 0, "cpu", 1, None))
+    assert told.rows == len(learned) and told.steps == 1000
+    assert (
+        told.parameters > 3e6
+        and told.megabytes > 100
+        and told.hours == pytest.approx(told.seconds_per_step / 3.6, abs=0.006)
+    )
+    assert np.isfinite(told.seconds_per_step)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device here")
+def test_an_absent_device_is_said() -> None:
+    learned, kept = examples_in([STORED])
+    with pytest.raises(BadInput, match="torch sees no CUDA device"):
+        forecast(Task(learned, kept, settings(1), 0, "cuda", 1, None))
