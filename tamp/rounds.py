@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from affordance.candidates import GoalCandidate, Proposer, SceneView
+from affordance.maps import ShowsMaps, save_maps
 from planners import motion as free_motion
 from planners import timing
 from planners.collision import CollisionWorld
@@ -128,6 +129,8 @@ class Round:
         operators = (ALONE if subject.alone else OPERATORS)[subject.task.type]
         found = skeletons(subject.task.type, initial, operators=operators, repeats=subject.pushes)
         result = self.search.run(order(found, view, first[0] if first else None))
+        if isinstance(proposer, ShowsMaps):
+            save_maps(proposer.maps(), self.folder)
         if isinstance(result, Solved):
             stages = result.stages
             if subject.overlap:

@@ -61,6 +61,8 @@ class Arguments:
     """Wall time for the search [s]."""
     out: Path | None = None
     """Run folder; without it runs/CATEGORY-SOURCE-INSTANCE-seedN."""
+    affordance_png: Path | None = None
+    """Picture of the affordance maps of a learned proposer, as a PNG file."""
     video: bool = False
     """Record the execution from two sides (needs the extra `video`)."""
     json: Annotated[bool, tyro.conf.arg(help="One JSON object on stdout, nothing else.")] = False
@@ -91,6 +93,11 @@ def run(arguments: Arguments, output: Output) -> int:
     )
     with Progress(output) as progress:
         report = plan_episode(request, progress)
+    if arguments.affordance_png is not None:
+        from affordance.maps import load_maps
+        from tamp.view.affordance import write_affordance_png
+
+        write_affordance_png(load_maps(Path(report.run_dir)), arguments.affordance_png)
     show(report, output)
     output.emit(report)
     return 0 if report.status in ("success", "planned") else 1
@@ -103,6 +110,12 @@ def _check(arguments: Arguments) -> None:
     task_of(arguments.category)
     if arguments.proposer not in PROPOSERS:
         raise UnknownName("proposer", arguments.proposer, PROPOSERS)
+    if arguments.affordance_png is not None:
+        if arguments.proposer not in VARIANTS:
+            raise BadInput(f"--affordance-png: the proposer {arguments.proposer} has no affordance maps.")
+        from tamp.view.affordance import require_affordance_png
+
+        require_affordance_png(arguments.affordance_png)
     if arguments.closed_loop and arguments.no_resample:
         raise BadInput("--closed-loop tries again and --no-resample does not; leave one of them out.")
     if arguments.closed_loop and arguments.no_execute:
