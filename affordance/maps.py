@@ -81,7 +81,7 @@ def load_maps(folder: Path) -> tuple[AffordanceMap, ...]:
         return ()
     found = []
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
             for name in get_args(MapName):
                 if f"{name}.points" in stored:
                     hands = tuple(pin.SE3(T) for T in stored[f"{name}.hands"])

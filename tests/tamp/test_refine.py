@@ -216,7 +216,7 @@ def test_the_planner_is_handed_no_privileged_geometry() -> None:
     """Besides the proposer, nothing on the road from observation to plan imports the door to the truth."""
     texts = sources("robots", "planners", "affordance", "tamp")
     users = {path for path, text in texts.items() if "worlds.labels" in imported(text)}
-    assert users == {"affordance/heuristic.py", "tamp/episode.py", "tamp/recording.py", "tamp/verify/check.py"}
+    assert users == {"affordance/heuristic.py", "tamp/proposers.py", "tamp/recording.py", "tamp/verify/check.py"}
 
 
 def test_only_execution_verifier_and_record_read_where_the_simulator_has_the_object() -> None:
@@ -246,7 +246,9 @@ def test_the_uniform_proposer_reads_nothing_privileged() -> None:
     }
 
 
-@pytest.mark.parametrize("module", ["tamp.refine", "tamp.timeline", "tamp.skeletons", "tamp.drafts"])
-def test_the_search_cannot_reach_the_simulator(module: str) -> None:
+@pytest.mark.parametrize(
+    "module", ["affordance.propose", "tamp.refine", "tamp.timeline", "tamp.skeletons", "tamp.drafts"]
+)
+def test_search_and_networks_cannot_reach_the_simulator(module: str) -> None:
     closed = {"worlds.labels", "worlds.success", "worlds.bullet.world", "worlds.scene", "worlds.observe"}
     assert not reached(module) & closed
