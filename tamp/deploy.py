@@ -50,7 +50,7 @@ def closed_loop(
     rounds: list[Round],
     world: BulletWorld,
     propose: Callable[[Observation], Proposer],
-    look: Callable[[BulletWorld], Observation],
+    look: Callable[[BulletWorld], Observation | None],
     watch: Watch,
     camera: Camera | None,
 ) -> Spent:
@@ -60,7 +60,7 @@ def closed_loop(
         rounds: The first round with its plan; grows.
         world: The world as it was observed.
         propose: A proposer for an observation.
-        look: An observation of the world, both arms waiting.
+        look: An observation of the world, both arms waiting; ``None`` when too little is in view.
         watch: Shows progress.
         camera: Records meanwhile.
     """
@@ -100,14 +100,11 @@ def _until(plan: Plan) -> int | None:
 
 
 def _next_round(
-    current: Round, outcome: Outcome, world: BulletWorld, look: Callable[[BulletWorld], Observation]
+    current: Round, outcome: Outcome, world: BulletWorld, look: Callable[[BulletWorld], Observation | None]
 ) -> Round | None:
-    """A round on a new observation, the files of the one before moved aside; ``None`` when nothing is in view."""
-    from robots.errors import BadInput
-
-    try:
-        observation = look(world)
-    except BadInput:
+    """A round on a new observation, the files of the one before moved aside; ``None`` when too little is in view."""
+    observation = look(world)
+    if observation is None:
         return None
     current.save_trace("success" if outcome.success else "execution_failed", 0.0, outcome.failure)
     aside = current.folder / f"{EARLIER}{current.number}"

@@ -247,7 +247,7 @@ def run(
     started = time.perf_counter()
     with _recorder(world, episode.folder / "execution.mp4", request.video) as camera:
         if request.mode == "E3":
-            spent = closed_loop(episode.rounds, world, proposer, looked, watch, camera)
+            spent = closed_loop(episode.rounds, world, proposer, looked_again, watch, camera)
             episode.outcome, episode.plan_seconds = spent.outcome, episode.plan_seconds + spent.plan_seconds
             started += spent.plan_seconds
         else:
@@ -257,10 +257,16 @@ def run(
 
 def looked(world: BulletWorld) -> Observation:
     """An observation with enough points to plan with; ``BadInput`` when there are too few."""
-    observation = observe.observe(world)
-    if (seen := len(observation.cloud)) < MIN_POINTS:
-        raise BadInput(f"The cameras see {seen} points of {world.asset.instance}; {MIN_POINTS} are needed.")
+    observation = looked_again(world)
+    if observation is None:
+        raise BadInput(f"The cameras see too little of {world.asset.instance}: {MIN_POINTS} points are needed.")
     return observation
+
+
+def looked_again(world: BulletWorld) -> Observation | None:
+    """An observation, or ``None`` when it has too few points to plan with: what fell off the table is out of view."""
+    observation = observe.observe(world)
+    return observation if len(observation.cloud) >= MIN_POINTS else None
 
 
 def write(episode: Episode) -> Report:
