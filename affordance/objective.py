@@ -1,8 +1,8 @@
 """What is a batch's loss? Every network is shown what it will be shown when it is asked, and judged by what was done.
 
 One set of goal weights learns from the object as it lies and from the object prepared. Actors learn from successes
-alone; critics from every outcome, and from actions that are wrong on purpose: the hand turned away, the hand elsewhere,
-the instruction of another column.
+alone; critics from every outcome, and from actions that are wrong on purpose: the hand turned away, what the actors
+would do elsewhere on the object, the instruction of another column.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from torch.nn import functional
 
 from affordance.critics import CHECKS, feasible
 from affordance.dataset import Batch, Hands
-from affordance.frames import SCALE, Frame, cloud_of, code_of, frame_of, moved_cloud, rotation_of, turned
-from affordance.heads import joined
+from affordance.frames import SCALE, Frame, canonical, cloud_of, code_of, frame_of, moved_cloud, rotation_of, turned
+from affordance.heads import drawn, joined
 from affordance.losses import (
     Parts,
     affordance_loss,
@@ -32,13 +32,16 @@ from affordance.losses import (
     reach_loss,
     relay_label,
 )
-from affordance.networks import KINDS, Model, Operation
+from affordance.networks import KINDS, Contact, Model, Operation
 from affordance.outlook import Look, goal_outlook, pre_outlook
 from affordance.pointnet2 import Encoded, Indices, gathered
 from affordance.settings import Settings
 
 ELSEWHERE = 0.16
 """A wrong point is at least this far from the right one, in units of ``SCALE``: 4 cm."""
+
+OTHERS = 4
+"""Wrong points of each row."""
 
 TURNED = (0.9, np.pi)
 """A hand turned away on purpose is turned by this much [rad]."""
@@ -382,23 +385,20 @@ def _critics(
         wrong = tokens.scene(batch.wrong_text, view.edge)
         true = _token(tokens, view, act.index, act.R)
         away = _token(tokens, view, act.index, _turned_away(act.R, generator))
-        elsewhere = _token(tokens, view, _elsewhere(view, act, generator), _shuffled(act.R, generator))
-        logits = torch.stack(
-            [
-                critics.goal(true, right),
-                critics.goal(away, right),
-                critics.goal(elsewhere, right),
-                critics.goal(true, wrong),
-            ],
-            1,
-        )
+        given = model.tokens.scene(view.text, view.edge)
+        elsewhere = _drawn_elsewhere(model, model.goal, view, act, given, generator)
+        single = torch.stack([critics.goal(true, right), critics.goal(away, right), critics.goal(true, wrong)], 1)
+        logits = torch.cat([single, critics.goal(elsewhere, right)], 1)
         goal_loss = goal_loss + 0.5 * _judged(logits, batch.success.float(), real, batch.goal.known & batch.success)
     view = scene.before
     right = tokens.scene(view.text, view.edge)
     aim, true = _token(tokens, view, before.index, before.R), _token(tokens, view, pre.index, pre.R)
     away = _token(tokens, view, pre.index, _turned_away(pre.R, generator))
-    elsewhere = _token(tokens, view, _elsewhere(view, pre, generator), _shuffled(pre.R, generator))
-    logits = torch.stack([critics.pre(action, right, aim) for action in (true, away, elsewhere)], 1)
+    goal = model.tokens.action(view.seen.at(before.index), before.contact, code_of(before.R))
+    given = joined(model.tokens.scene(view.text, view.edge), model.goal_shown(goal))
+    elsewhere = _drawn_elsewhere(model, model.pre, view, pre, given, generator)
+    single = torch.stack([critics.pre(action, right, aim) for action in (true, away)], 1)
+    logits = torch.cat([single, critics.pre(elsewhere, right, aim)], 1)
     value = outlook if labelled else batch.success.float()
     worth = relay_label(batch.prepared, batch.success, value)
     both = batch.goal.known & batch.pre.known
@@ -447,16 +447,25 @@ def _about(axis: Tensor, angle: Tensor) -> Tensor:
     return torch.eye(3, device=axis.device) + s * K + (1.0 - c) * (K @ K)
 
 
+def _drawn_elsewhere(
+    model: Model, net: Contact, view: Look, act: Done, given: Tensor, generator: torch.Generator
+) -> Tensor:
+    """Tokens ``(B, OTHERS, 192)`` to the critics of what an actor would do at points where the hand did not act."""
+    with torch.no_grad():
+        index = _elsewhere(view, act, generator)
+        contact = gathered(view.cloud[..., :3], index)
+        condition = net.condition(view.seen.at(index), model.tokens.contact(contact), given)
+        codes = canonical(drawn(net.orientation, condition, 1, generator)[..., 0, :])
+    return model.critics.tokens.action(view.judged.at(index), contact, codes)
+
+
 def _elsewhere(view: Look, act: Done, generator: torch.Generator) -> Tensor:
-    """``(B,)`` a point of the object away from where the hand acted; the farthest where all are near."""
+    """``(B, OTHERS)`` points of the object away from where the hand acted; the farthest ones where all are near."""
     away = torch.linalg.vector_norm(view.cloud[..., :3] - act.contact[:, None], dim=-1)
     is_object = view.cloud[..., 3] > 0.5
     draws = torch.rand(away.shape, generator=generator, device=away.device)
-    return torch.where(is_object & (away > ELSEWHERE), draws + 10.0, torch.where(is_object, away, -1.0)).argmax(dim=1)
-
-
-def _shuffled(R: Tensor, generator: torch.Generator) -> Tensor:
-    return R[torch.randperm(len(R), generator=generator, device=R.device)]
+    order = torch.where(is_object & (away > ELSEWHERE), draws + 10.0, torch.where(is_object, away, -1.0))
+    return order.topk(OTHERS, dim=1).indices
 
 
 def _feasibility(model: Model, scene: Scene, batch: Batch) -> Tensor:

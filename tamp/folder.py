@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+from affordance.maps import MAPS_FILE
 from robots.errors import BadRunFolder
 from tamp import plan as plan_file
 from tamp import trace as trace_file
@@ -17,6 +18,7 @@ OWN_FILES = (
     trace_file.TRACE_FILE,
     observe.OBSERVATION_FILE,
     OUTCOME_FILE,
+    MAPS_FILE,
     "plan.html",
     "execution.mp4",
     "execution.png",
