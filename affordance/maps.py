@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol, get_args, runtime_checkable
@@ -13,7 +12,7 @@ import pinocchio as pin
 
 from robots.cache import write_atomic
 from robots.errors import BadRunFolder
-from robots.spatial import Array, frozen
+from robots.spatial import Array, from_list, frozen
 
 MapName = Literal["goal_before", "pre", "goal_after"]
 """Where the primary could act on the object as it lies, where the assistant could, and where the primary could after
@@ -43,11 +42,14 @@ class AffordanceMap:
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", frozen(self.points))
         object.__setattr__(self, "scores", frozen(self.scores))
+        object.__setattr__(self, "hands", tuple(T.copy() for T in self.hands))
         if self.points.shape != (len(self.scores), 3) or len(self.hands) != len(self.hand_scores):
             raise ValueError(
                 f"a map has (n, 3) points, (n,) scores and a score for each hand, not {self.points.shape}, "
                 f"{self.scores.shape} and {len(self.hand_scores)} for {len(self.hands)}"
             )
+        if not np.isfinite(self.points).all() or not ((self.scores >= 0.0) & (self.scores <= 1.0)).all():
+            raise ValueError("the points of a map are finite and its scores lie between 0 and 1")
 
 
 @runtime_checkable
@@ -84,9 +86,9 @@ def load_maps(folder: Path) -> tuple[AffordanceMap, ...]:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
             for name in get_args(MapName):
                 if f"{name}.points" in stored:
-                    hands = tuple(pin.SE3(T) for T in stored[f"{name}.hands"])
+                    hands = tuple(from_list(T) for T in stored[f"{name}.hands"])
                     scores = tuple(float(score) for score in stored[f"{name}.hand_scores"])
                     found.append(AffordanceMap(name, stored[f"{name}.points"], stored[f"{name}.scores"], hands, scores))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except Exception as error:  # a damaged archive makes zipfile, zlib and NumPy raise errors of any kind
         raise BadRunFolder(f"{path} cannot be read: {error}.") from error
     return tuple(found)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from affordance.candidates import Proposer
+from affordance.maps import MAPS_FILE
 from robots.workcell import Workcell
 from tamp import plan as plan_file
 from tamp import trace as trace_file
@@ -109,7 +110,7 @@ def _next_round(
     current.save_trace("success" if outcome.success else "execution_failed", 0.0, outcome.failure)
     aside = current.folder / f"{EARLIER}{current.number}"
     aside.mkdir(exist_ok=True)
-    for name in (plan_file.PLAN_FILE, trace_file.TRACE_FILE, observe.OBSERVATION_FILE):
+    for name in (plan_file.PLAN_FILE, trace_file.TRACE_FILE, observe.OBSERVATION_FILE, MAPS_FILE):
         if (current.folder / name).is_file():
             shutil.move(current.folder / name, aside / name)
     observe.save(observation, current.folder)

@@ -17,6 +17,7 @@ OWN_FILES = (
     plan_file.PLAN_FILE,
     trace_file.TRACE_FILE,
     observe.OBSERVATION_FILE,
+    MAPS_FILE,
     OUTCOME_FILE,
     MAPS_FILE,
     "plan.html",

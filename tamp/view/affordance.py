@@ -62,8 +62,17 @@ def require_affordance_png(path: Path) -> None:
 
 
 def write_affordance_png(maps: Sequence[AffordanceMap], path: Path) -> Path:
-    """Write the picture of maps."""
-    return write_atomic(path, affordance_png(maps))
+    """Write the picture of maps.
+
+    Raises:
+        MissingDependency: Pillow is not installed.
+        BadInput: The file cannot be written.
+    """
+    picture = affordance_png(maps)
+    try:
+        return write_atomic(path, picture)
+    except OSError as error:
+        raise BadInput(f"--affordance-png {path} cannot be written: {error.strerror}.") from error
 
 
 def affordance_png(maps: Sequence[AffordanceMap]) -> bytes:
@@ -85,6 +94,8 @@ def affordance_png(maps: Sequence[AffordanceMap]) -> bytes:
     for k, one in enumerate(maps):
         words.text((k * SIZE + 12, 10), TITLES[one.name], fill=INK)
         words.text((k * SIZE + 12, TOP + SIZE - 14), _best(one), fill=FAINT)
+    if not maps:
+        words.text((12, 10), "The search ended before a map was made.", fill=INK)
     _legend(words, maps)
     memory = io.BytesIO()
     image.save(memory, format="PNG")

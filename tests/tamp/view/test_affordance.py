@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from affordance.maps import AffordanceMap
+from affordance.maps import AffordanceMap, save_maps
 from robots.errors import BadInput
 from robots.spatial import pose
+from tamp.folder import prepared
 from tamp.view.affordance import SIZE, affordance_png, colour, require_affordance_png, spread, write_affordance_png
 
 Image = pytest.importorskip("PIL.Image", reason="the extra `video` is not installed")
@@ -54,3 +55,13 @@ def test_names_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
         with pytest.raises(BadInput, match=message):
             require_affordance_png(tmp_path / name)
     require_affordance_png(tmp_path / "maps.png")
+
+
+def test_a_place_where_nothing_can_be_written_is_one_message() -> None:
+    with pytest.raises(BadInput, match=r"--affordance-png /proc/maps\.png cannot be written: "):
+        write_affordance_png([], Path("/proc/maps.png"))
+
+
+def test_a_run_folder_with_maps_is_used_again(tmp_path: Path) -> None:
+    save_maps((bar("pre", np.linspace(0.0, 1.0, 5)),), tmp_path)
+    assert list(prepared(tmp_path, "run").iterdir()) == []
