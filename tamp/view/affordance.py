@@ -121,7 +121,7 @@ def _map(draw: Any, one: AffordanceMap, left: int) -> None:
     """The points from far to near, then the hands, the best last; colours span the scores that occur."""
     right, up = unit(np.cross([0.0, 0.0, 1.0], EYE)), np.zeros(3)
     up = np.cross(EYE, right)
-    strokes = [_stroke(T.homogeneous) for T in one.hands]
+    strokes = [stroke(T.homogeneous) for T in one.hands]
     flat = [np.column_stack([part @ right, -(part @ up)]) for part in (one.points, *strokes)]
     everything = np.concatenate(flat)
     low, high = everything.min(axis=0), everything.max(axis=0)
@@ -144,7 +144,7 @@ def spread(scores: Array) -> Array:
     return np.full(len(scores), 0.5) if high - low < 1e-9 else np.asarray((scores - low) / (high - low))
 
 
-def _stroke(T_world_hand: Array) -> Array:
+def stroke(T_world_hand: Array) -> Array:
     """``(4, 3)`` corners of a hand's outline in the world frame [m]."""
     local = HAND * np.array([1.0, OPENING, 1.0])
     return np.asarray(local @ T_world_hand[:3, :3].T + T_world_hand[:3, 3])

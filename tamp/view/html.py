@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import socket
 import time
@@ -13,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from affordance.maps import AffordanceMap, load_maps
+from affordance.maps import load_maps
 from robots.cache import write_atomic
 from robots.errors import BadInput
 from robots.spatial import Array
 from tamp.plan import Plan
 from tamp.trace import Trace
-from tamp.view.affordance import affordance_png
 from tamp.view.scene import PlanScene
+from tamp.view.section import maps_section
 from worlds.bullet.client import quiet
 from worlds.tasks import TaskType
 
@@ -45,14 +44,13 @@ _PANEL = """
   padding: 10px 14px; box-shadow: 0 1px 6px rgba(0, 0, 0, .25) }}
 #bipre summary {{ font-weight: 600; cursor: pointer }}
 #bipre table {{ border-collapse: collapse; margin-top: 6px }}
-#bipre img {{ width: 100%; min-width: 26rem }}
 #bipre td, #bipre th {{ text-align: left; padding: 1px 10px 1px 0; vertical-align: top }}
 </style>
 <details id="bipre" open><summary>{title}</summary>
 <p>{lead}</p>
 <table><tr><th></th><th>stage</th><th>arm</th><th>s</th><th>tried</th></tr>{stages}</table>
-{rejected}
 {maps}
+{rejected}
 </details>
 """
 
@@ -83,7 +81,8 @@ def write_html(plan: Plan, cloud: Array, colours: Array, folder: Path, trace: Tr
     head, body, tail = page.rpartition("</body>")
     if not body:
         head, tail = page, ""
-    return write_atomic(folder / HTML_FILE, head + _panel(plan, trace, load_maps(folder)) + body + tail)
+    maps = maps_section(load_maps(folder), cloud, colours, plan.workcell.table)
+    return write_atomic(folder / HTML_FILE, head + _panel(plan, trace, maps) + body + tail)
 
 
 def serve(
@@ -153,7 +152,7 @@ def _free_port(first: int) -> int:
     raise BadInput(f"No free port from {first} to {min(first + PORTS_TRIED, 65536) - 1}; give another --port.")
 
 
-def _panel(plan: Plan, trace: Trace | None, maps: tuple[AffordanceMap, ...]) -> str:
+def _panel(plan: Plan, trace: Trace | None, maps: str) -> str:
     stages = "".join(
         f"<tr><td>{k + 1}</td><td>{s.name}</td><td>{s.arm} ({s.role})</td><td>{s.duration:.1f}</td>"
         f"<td>{s.candidates_tried}</td></tr>"
@@ -163,7 +162,7 @@ def _panel(plan: Plan, trace: Trace | None, maps: tuple[AffordanceMap, ...]) -> 
     lead = f"{html.escape(plan.instruction.capitalize())}. {arms}"
     return _PANEL.format(
         title=html.escape(f"{plan.category} {plan.asset.instance}, seed {plan.seed}, {plan.proposer}"),
-        lead=lead, stages=stages, rejected=_rejections(trace), maps=_maps(maps),
+        lead=lead, stages=stages, rejected=_rejections(trace), maps=maps,
     )  # fmt: skip
 
 
@@ -176,12 +175,3 @@ def _rejections(trace: Trace | None) -> str:
         for (stage, arm, cause), count in tally.most_common(10)
     )
     return f"<p>Rejected on the way ({len(trace.rejections)}):</p><table>{rows}</table>"
-
-
-def _maps(maps: tuple[AffordanceMap, ...]) -> str:
-    """Where the networks saw an arm act, as a picture within the page."""
-    if not maps:
-        return ""
-    picture = base64.b64encode(affordance_png(maps)).decode()
-    words = "where the primary could act before, where the assistant could, and where the primary could act after"
-    return f'<p>Affordance: {words}.</p><img alt="affordance maps" src="data:image/png;base64,{picture}">'
