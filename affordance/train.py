@@ -10,6 +10,8 @@ import copy
 import json
 import math
 import resource
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -32,7 +34,7 @@ from affordance.objective import parts_of, validate
 from affordance.settings import Settings
 from affordance.text import Backend, text_encoder
 from robots.cache import write_atomic
-from robots.errors import BadInput
+from robots.errors import BadInput, TrainingDiverged
 
 CHECKPOINT, WEIGHTS, LOG = "checkpoint.safetensors", "weights.safetensors", "log.jsonl"
 
@@ -101,7 +103,7 @@ class Fitting:
         """One step.
 
         Raises:
-            BadInput: A part of the loss is not finite; no weight has been changed then.
+            TrainingDiverged: The loss or its gradient is not finite; no weight has been changed then.
         """
         training, rng, generator = self.settings.training, self._rng(), self._generator(device)
         batch = dataset.batch(rng, training.batch).to(device)
@@ -110,14 +112,16 @@ class Fitting:
             loss = total(parts, self.settings.losses)
         if not bool(torch.isfinite(loss)):
             bad = [f.name for f in fields(Parts) if not bool(torch.isfinite(getattr(parts, f.name)).all())]
-            raise BadInput(
+            raise TrainingDiverged(
                 f"Training stopped at step {self.step}: the loss of {', '.join(bad)} is not a finite number."
             )
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate()
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_([w for w in self.model.parameters() if w.requires_grad], training.clip)
+        norm = torch.nn.utils.clip_grad_norm_([w for w in self.model.parameters() if w.requires_grad], training.clip)
+        if not bool(torch.isfinite(norm)):
+            raise TrainingDiverged(f"Training stopped at step {self.step}: the gradient is not a finite number.")
         self.optimiser.step()
         self._average_in()
         self.step += 1
@@ -157,7 +161,7 @@ class Fitting:
     def go_on_from(self, found: Checkpoint) -> None:
         """Take over everything from a checkpoint of the same settings."""
         self.model.load_state_dict(found.model.state_dict())
-        self.model.train()
+        learning(self.model, adapting=self.adapting)
         mean = {name.removeprefix(AVERAGE): t for name, t in found.extra.items() if name.startswith(AVERAGE)}
         self.average.load_state_dict(mean)
         for name, weight in self.model.named_parameters():
@@ -190,16 +194,23 @@ def begun(
     """
     torch.manual_seed(seed)
     model = Model(settings) if start is None else copy.deepcopy(start.model)
-    model.to(device).train()
-    if adapting:
-        for name, weight in model.named_parameters():
-            weight.requires_grad_(learns_while_adapting(name))
+    model.to(device)
+    learning(model, adapting=adapting)
+    for name, weight in model.named_parameters():
+        weight.requires_grad_(not adapting or learns_while_adapting(name))
     average = copy.deepcopy(model).eval()
     average.requires_grad_(False)
     training = settings.training
     learned = [weight for weight in model.parameters() if weight.requires_grad]
     optimiser = torch.optim.Adam(learned, training.rate, weight_decay=training.weight_decay)
     return Fitting(model, average, optimiser, settings, seed, text_backend, adapting)
+
+
+def learning(model: Model, *, adapting: bool) -> None:
+    """Let a model learn; while adapting, what stays keeps the statistics of its batch normalisation too."""
+    model.train(not adapting)
+    if adapting:
+        model.critics.train()
 
 
 def learns_while_adapting(name: str) -> bool:
@@ -217,8 +228,8 @@ def train(
     device: str = "cpu",
     steps: int | None = None,
     loss_of: LossOf = parts_of,
-) -> dict[str, float]:
-    """Train to the last step; whatever ends it early leaves a checkpoint of the last step done.
+) -> tuple[dict[str, float], float]:
+    """Train to the last step; an interruption waits for the end of a step and leaves a checkpoint.
 
     Args:
         fitting: Fresh, or gone on with.
@@ -231,40 +242,89 @@ def train(
         loss_of: The loss of a batch.
 
     Returns:
-        The last validation.
+        The last validation, and the loss of the last line of the log.
+
+    Raises:
+        TrainingDiverged: A loss is no longer finite; the last checkpoint stays.
     """
     last = fitting.settings.training.steps if steps is None else steps
     batches = [] if held_out is None else [batch.to(device) for batch in held_out.fixed(VALIDATED)]
-    told, saved, began = {}, time.monotonic(), time.monotonic()
-    _cut_back(folder / LOG, fitting.step)
-    sums: dict[str, float] = {}
-    try:
-        while fitting.step < last:
-            parts = fitting.advance(dataset, device, loss_of)
-            for f in fields(Parts):
-                sums[f.name] = sums.get(f.name, 0.0) + float(getattr(parts, f.name).detach())
+    log = _Log(folder / LOG, fitting, watch)
+    told: dict[str, float] = {}
+    saved = time.monotonic()
+    with _interruptible() as interrupted:
+        while fitting.step < last and not interrupted:
+            log.add(fitting.advance(dataset, device, loss_of))
             if fitting.step % LOG_EVERY == 0 or fitting.step == last:
-                count = (fitting.step - 1) % LOG_EVERY + 1
-                line = {name: value / count for name, value in sums.items()}
-                line |= {
-                    "loss": _weighed(line, fitting.settings),
-                    "rate": fitting.rate(),
-                    "seconds": time.monotonic() - began,
-                }
-                _write_line(folder / LOG, {"step": fitting.step, **line})
-                watch(fitting.step, line)
-                sums = {}
+                log.write()
             if batches and (fitting.step % VALIDATE_EVERY == 0 or fitting.step == last):
                 generator = torch.Generator(device=device).manual_seed(fitting.seed)
                 told = validate(fitting.average, batches, generator)
-                _write_line(folder / LOG, {"step": fitting.step, "validation": told})
+                log.append({"step": fitting.step, "validation": told})
             if time.monotonic() - saved > SAVE_EVERY:
                 fitting.save(folder)
                 saved = time.monotonic()
-    finally:
         fitting.save(folder)
+        if interrupted:
+            raise KeyboardInterrupt
     fitting.give_out(folder)
-    return told
+    return told, log.loss
+
+
+class _Log:
+    """Means of the losses since the last line, written as lines."""
+
+    def __init__(self, path: Path, fitting: Fitting, watch: Watch) -> None:
+        self.path, self.fitting, self.watch = path, fitting, watch
+        self.loss = float("nan")
+        self._before = _cut_back(path, fitting.step)
+        self._began = time.monotonic()
+        self._sums: dict[str, float] = {}
+        self._count = 0
+
+    def add(self, parts: Parts) -> None:
+        """Take in the losses of a step."""
+        self._count += 1
+        for f in fields(Parts):
+            self._sums[f.name] = self._sums.get(f.name, 0.0) + float(getattr(parts, f.name).detach())
+
+    def write(self) -> None:
+        """Write a line of what was taken in."""
+        line = {name: value / self._count for name, value in self._sums.items()}
+        self.loss = _weighed(line, self.fitting.settings)
+        seconds = self._before + time.monotonic() - self._began
+        line |= {"loss": self.loss, "rate": self.fitting.rate(), "seconds": seconds}
+        self.append({"step": self.fitting.step, **line})
+        self.watch(self.fitting.step, line)
+        self._sums, self._count = {}, 0
+
+    def append(self, values: Mapping[str, Any]) -> None:
+        """Write any line."""
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(values) + "\n")
+
+
+@contextmanager
+def _interruptible() -> Iterator[list[int]]:
+    """A list that an interruption fills, so that it is heard between two steps; a second one is not waited for.
+
+    Outside of the main thread, where signals cannot be handled, the list stays empty.
+    """
+    heard: list[int] = []
+
+    def hear(number: int, frame: object) -> None:
+        if heard:
+            raise KeyboardInterrupt
+        heard.append(number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield heard
+        return
+    before = signal.signal(signal.SIGINT, hear)
+    try:
+        yield heard
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,6 +336,7 @@ class Fitted:
         rows: Examples learned from.
         held_out: Examples of validation.
         parameters: Of the networks.
+        loss: Of the last line of the log.
         validation: Its last numbers.
         weights: The file of weights.
         seconds: Wall time of this call [s].
@@ -285,6 +346,7 @@ class Fitted:
     rows: int
     held_out: int
     parameters: int
+    loss: float
     validation: dict[str, float]
     weights: str
     seconds: float
@@ -368,12 +430,15 @@ def fit(task: Task, folder: Path, watch: Watch) -> Fitted:
     encoder = text_encoder(fitting.text_backend)
     dataset = Dataset(task.learned, fitting.settings, encoder, seed=task.seed)
     held_out = Dataset(task.held_out, fitting.settings, encoder, seed=task.seed) if task.held_out else None
-    told = train(fitting, dataset, held_out, folder, watch, device=task.device, steps=task.settings.training.steps)
+    told, loss = train(
+        fitting, dataset, held_out, folder, watch, device=task.device, steps=task.settings.training.steps
+    )
     return Fitted(
         steps=fitting.step,
         rows=len(dataset),
         held_out=0 if held_out is None else len(held_out),
         parameters=_count(fitting.model),
+        loss=loss,
         validation=told,
         weights=str(folder / WEIGHTS),
         seconds=round(time.monotonic() - started, 1),
@@ -406,23 +471,21 @@ def _weighed(parts: Mapping[str, float], settings: Settings) -> float:
     return float(total(Parts(**tensors), settings.losses))
 
 
-def _write_line(path: Path, values: Mapping[str, Any]) -> None:
-    with path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(values) + "\n")
-
-
-def _cut_back(path: Path, step: int) -> None:
-    """Forget what the log says of steps after a checkpoint, and a line that was cut off."""
+def _cut_back(path: Path, step: int) -> float:
+    """Forget what the log says of steps after a checkpoint, and a cut off line; returns the seconds spent till then."""
     if not path.is_file():
-        return
-    kept = []
+        return 0.0
+    kept, seconds = [], 0.0
     for line in path.read_text("utf-8").splitlines():
         try:
-            if json.loads(line)["step"] <= step:
+            row = json.loads(line)
+            if row["step"] <= step:
                 kept.append(line)
+                seconds = float(row.get("seconds", seconds))
         except (json.JSONDecodeError, KeyError, TypeError):
             break
     write_atomic(path, "".join(f"{line}\n" for line in kept).encode())
+    return seconds
 
 
 @contextmanager

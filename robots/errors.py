@@ -95,5 +95,9 @@ class MissingDependency(BadInput):
         )
 
 
+class TrainingDiverged(TampError):
+    """A loss or its gradient is no longer a finite number."""
+
+
 class SimulationDiverged(TampError):
     """The simulated state stopped being finite."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import math
 import os
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,6 +84,7 @@ def run(arguments: Arguments, output: Output) -> int:
     settings = _checked(arguments)
     from dataclasses import asdict
 
+    from affordance.curves import write_curves
     from affordance.train import LOG, Task, fit, forecast
     from tamp import ledger
     from tamp.learning import examples_in
@@ -90,7 +92,7 @@ def run(arguments: Arguments, output: Output) -> int:
     learned, held_out = examples_in([Path(name) for name in arguments.data.split(",")])
     settings = _timed(arguments, settings, len(learned))
     output.text(f"{len(learned)} examples to learn from, {len(held_out)} of objects kept aside")
-    threads = arguments.threads or os.cpu_count() or 1
+    threads = arguments.threads or len(os.sched_getaffinity(0))
     task = Task(learned, held_out, settings, arguments.seed, arguments.device, threads, arguments.adapt)
     if arguments.dry_run:
         expected = forecast(task)
@@ -101,17 +103,23 @@ def run(arguments: Arguments, output: Output) -> int:
         output.emit(asdict(expected))
         return 0
 
+    began: list[float] = []
+    """Step and time of the first line."""
+
     def watch(step: int, line: Mapping[str, float]) -> None:
-        left = (settings.training.steps - step) * line["seconds"] / max(1, step)
+        each = (time.monotonic() - began[1]) / max(1, step - began[0]) if began else 0.0
+        began.extend((step, time.monotonic()) if not began else ())
+        left = (settings.training.steps - step) * each
         output.text(
             f"step {step} of {settings.training.steps}, loss {line['loss']:.3f}, about {left / 60:.0f} min left"
         )
 
     with ledger.claimed(arguments.out, _begun(arguments, settings)):
-        done = fit(task, arguments.out, watch)
-    from affordance.curves import write_curves
-
-    write_curves(arguments.out / LOG, arguments.out / "curves.png")
+        try:
+            done = fit(task, arguments.out, watch)
+        finally:
+            if (arguments.out / LOG).is_file():
+                write_curves(arguments.out / LOG, arguments.out / "curves.png")
     for name, value in done.validation.items():
         output.text(f"validation {name}: {value:.3f}")
     output.text(f"saved {done.weights}")

@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import json
+import signal
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -21,7 +23,7 @@ from affordance.objective import parts_of
 from affordance.settings import Settings, settings_of
 from affordance.text import HashText
 from affordance.train import CHECKPOINT, LOG, WEIGHTS, Fitting, Task, begun, fit, forecast, tensors_of, train
-from robots.errors import BadInput
+from robots.errors import BadInput, TrainingDiverged
 from tamp.learning import examples_in
 
 STORED = Path(__file__).parents[1] / "data" / "episodes"
@@ -71,14 +73,42 @@ def test_stopping_and_going_on_changes_no_bit(dataset: Dataset, tmp_path: Path) 
     assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
 
 
-def test_an_interruption_keeps_what_was_done(dataset: Dataset, tmp_path: Path) -> None:
-    def stop(step: int, line: object) -> None:
-        raise KeyboardInterrupt
+def test_an_interruption_waits_for_the_step_and_keeps_what_was_done(dataset: Dataset, tmp_path: Path) -> None:
+    """Interrupted in the middle of a step, it ends that step, and resuming changes no bit."""
+    whole, fitting = fresh(6), fresh(6)
+    for _ in range(6):
+        whole.advance(dataset, "cpu")
+
+    def at_step_three(*args: Any, **more: Any) -> Any:
+        if args[3] == 2:
+            signal.raise_signal(signal.SIGINT)
+        return parts_of(*args, **more)
 
     with pytest.raises(KeyboardInterrupt):
-        train(fresh(100), dataset, None, tmp_path, stop)
-    assert checkpoint.load(tmp_path / CHECKPOINT).step == 20
-    assert not (tmp_path / WEIGHTS).exists()
+        train(fitting, dataset, None, tmp_path, silent, loss_of=at_step_three)
+    found = checkpoint.load(tmp_path / CHECKPOINT)
+    assert found.step == 3 and not (tmp_path / WEIGHTS).exists()
+    again = fresh(6)
+    again.go_on_from(found)
+    train(again, dataset, None, tmp_path, silent)
+    ours, theirs = tensors_of(again), tensors_of(whole)
+    assert all(torch.equal(ours[name], theirs[name]) for name in theirs)
+
+
+def test_a_training_that_diverges_keeps_its_last_checkpoint(dataset: Dataset, tmp_path: Path) -> None:
+    fitting = fresh(20)
+    fitting.advance(dataset, "cpu")
+    fitting.save(tmp_path)
+    before = (tmp_path / CHECKPOINT).read_bytes()
+
+    def steep(*args: Any, **more: Any) -> Any:
+        parts = parts_of(*args, **more)
+        return replace(parts, opening_goal=parts.opening_goal.sqrt() * 0.0 + (parts.opening_goal * 0.0).sqrt())
+
+    with pytest.raises(TrainingDiverged, match="the gradient is not a finite number"):
+        train(fitting, dataset, None, tmp_path, silent, loss_of=steep)
+    assert (tmp_path / CHECKPOINT).read_bytes() == before
+    assert all(bool(torch.isfinite(weight).all()) for weight in fitting.model.parameters())
 
 
 def test_the_log_forgets_what_came_after_the_checkpoint(dataset: Dataset, tmp_path: Path) -> None:
@@ -97,7 +127,7 @@ def test_a_loss_that_is_not_a_number_stops_before_any_weight_changes(dataset: Da
     def broken(*args: object, **more: object) -> object:
         return replace(parts_of(*args, **more), push=torch.tensor(float("nan")))  # type: ignore[arg-type]
 
-    with pytest.raises(BadInput, match=r"step 0: the loss of push is not a finite number"):
+    with pytest.raises(TrainingDiverged, match=r"step 0: the loss of push is not a finite number"):
         fitting.advance(dataset, "cpu", broken)  # type: ignore[arg-type]
     assert fitting.step == 0
     assert all(torch.equal(weight, before[name]) for name, weight in fitting.model.named_parameters())
@@ -124,11 +154,12 @@ def test_adapting_changes_judges_and_maps_alone(dataset: Dataset) -> None:
     start = begun(settings(4), seed=1, text_backend="hash")
     path = checkpoint.Checkpoint(start.model, "hash", 4, {})
     fitting = begun(settings(4), seed=3, text_backend="hash", start=path, adapting=True)
-    before = {name: weight.detach().clone() for name, weight in fitting.model.named_parameters()}
+    before = {name: tensor.clone() for name, tensor in fitting.model.state_dict().items()}
     for _ in range(3):
         fitting.advance(dataset, "cpu")
-    changed = {name for name, weight in fitting.model.named_parameters() if not torch.equal(weight, before[name])}
-    assert changed and all(name.startswith(("critics.", "goal.scorer.", "pre.scorer.")) for name in changed)
+    for state in (fitting.model.state_dict(), fitting.average.state_dict()):
+        changed = {name for name, tensor in state.items() if not torch.equal(tensor, before[name])}
+        assert changed and all(name.startswith(("critics.", "goal.scorer.", "pre.scorer.")) for name in changed)
 
 
 def test_fitting_goes_on_where_it_ended(tmp_path: Path) -> None:

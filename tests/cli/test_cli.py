@@ -279,7 +279,7 @@ def test_importing_tamp_loads_no_simulator_viewer_or_network() -> None:
         (("plan", "Botle"), 'No category "Botle". Did you mean "Bottle"? Valid: Bottle, Bowl, Cap, Dispenser, '),
         (("plan", "bottle"), 'No category "bottle". Did you mean "Bottle"? Valid: Bottle, Bowl, Cap, Dispenser, '),
         (("plan", "Bottle", "--proposer", "heuristc"), 'No proposer "heuristc". Did you mean "heuristic"?'),
-        (("plan", "Bottle", "--proposer", "psychic"), "Valid: heuristic, uniform, learned, "),
+        (("plan", "Bottle", "--proposer", "psychic"), "Valid: actor_reorient, heuristic, learned, "),
         (("plan", "Handover-Botle"), 'No category "Handover-Botle". Did you mean "Handover-Bottle"?'),
         (("plan", "Phone", "--closed-loop", "--no-resample"), "--closed-loop tries again and --no-resample does not;"),
         (("plan", "Phone", "--closed-loop", "--no-execute"), "--closed-loop needs the execution that --no-execute"),
