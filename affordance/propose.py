@@ -39,7 +39,7 @@ from affordance.networks import KINDS, STROKE, Contact, Model
 from affordance.outlook import Look, look
 from affordance.pointnet2 import gathered
 from affordance.preparing import BEHIND, LIFT
-from affordance.sampling import KEPT, Drawn, Judge, distinct, hands
+from affordance.sampling import KEPT, Drawn, Judge, distinct, hands, second_apart
 from affordance.stations import station, surroundings
 from affordance.text import text_encoder
 from affordance.variants import Variant
@@ -146,6 +146,10 @@ class LearnedProposer:
         stage = "operate" if self.task.type == "articulated" else "grasp"
         if self.task.type != "handover" and not _unmoved(view):
             made = self._by_feasibility(made, stage, [(_primary(view), c.T_world_hand) for c in made])
+        if made and _unmoved(view):
+            turns = np.array([goal.T_world_hand.rotation for goal in made])
+            order = second_apart(turns, np.array([goal.point for goal in made]))
+            made = [made[k] for k in order]
         self._remember("goal_before" if _unmoved(view) else "goal_after", sight, scores, made)
         return self._given(made)
 

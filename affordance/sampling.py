@@ -15,13 +15,13 @@ from affordance.networks import Contact
 from affordance.outlook import Look
 from affordance.pointnet2 import gathered
 
-TOP_SHARE, TOP_LEAST = 0.1, 20
+TOP_SHARE, TOP_LEAST = 0.25, 20
 """Share of the points with the best affordance among which some are drawn, and the least number of them."""
 
-SPOTS = 10
+SPOTS = 16
 """Points drawn."""
 
-DRAWS = 32
+DRAWS = 24
 """Actions drawn at each."""
 
 KEPT = 20
@@ -29,6 +29,9 @@ KEPT = 20
 
 NEAR, ALIKE = 0.015, np.radians(15.0)
 """Of two hands nearer than this [m] and turned by less than this [rad] only the better is kept."""
+
+ELSEWHERE, OTHERWISE = 0.04, np.radians(60.0)
+"""Hands this far apart [m], or with approaches turned by this much [rad], act elsewhere."""
 
 Judge = Callable[[Tensor, Tensor, Tensor], Tensor]
 """From indices ``(1, K)``, contacts ``(1, K, 3)`` and codes ``(1, K, D, 6)`` to probabilities ``(1, K, D)``."""
@@ -135,6 +138,22 @@ def distinct(R: np.ndarray, at: np.ndarray, score: np.ndarray, most: int = KEPT)
         if len(kept) == most:
             break
     return kept
+
+
+def second_apart(R: np.ndarray, at: np.ndarray) -> list[int]:
+    """The order in which hands that are best first are given away: as they are, but the second one acts elsewhere.
+
+    A search asks for few anticipatory goals; if the first is at the wrong end of an object, so are its neighbours.
+
+    Args:
+        R: ``(k, 3, 3)``.
+        at: ``(k, 3)`` [m].
+    """
+    order = list(range(len(at)))
+    for k in order[1:]:
+        if np.linalg.norm(at[k] - at[0]) > ELSEWHERE or R[k][:, 2] @ R[0][:, 2] < np.cos(OTHERWISE):
+            return [0, k, *(n for n in order[1:] if n != k)]
+    return order
 
 
 def _cosine(a: np.ndarray, b: np.ndarray) -> float:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from affordance.sampling import NEAR, SPOTS, TOP_LEAST, chosen_spots, distinct
+from affordance.sampling import ELSEWHERE, NEAR, SPOTS, TOP_LEAST, TOP_SHARE, chosen_spots, distinct, second_apart
 
 
 def test_points_are_drawn_among_the_best_and_never_from_a_hand() -> None:
@@ -18,7 +18,7 @@ def test_points_are_drawn_among_the_best_and_never_from_a_hand() -> None:
     for seed in range(20):
         spots = chosen_spots(scores, np.random.default_rng(seed))
         assert len(set(spots.tolist())) == SPOTS
-        assert int(spots.min()) >= 90 - TOP_LEAST and int(spots.max()) < 90
+        assert int(spots.min()) >= 90 - max(TOP_LEAST, round(TOP_SHARE * 90)) and int(spots.max()) < 90
 
 
 def test_the_same_draw_gives_the_same_points() -> None:
@@ -35,3 +35,13 @@ def test_of_two_hands_alike_the_better_is_kept() -> None:
     kept = distinct(turned, at, np.array([0.5, 0.9, 0.1, 0.7]))
     assert kept == [1, 3, 2]
     assert distinct(turned, at, np.array([0.5, 0.9, 0.1, 0.7]), most=1) == [1]
+
+
+def test_the_second_hand_acts_elsewhere_where_one_does() -> None:
+    R = np.tile(np.eye(3), (4, 1, 1))
+    at = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 2 * ELSEWHERE, 0.0], [0.02, 0.0, 0.0]])
+    assert second_apart(R, at) == [0, 2, 1, 3]
+    assert second_apart(R, 0.1 * at) == [0, 1, 2, 3]
+    R[3] = np.diag([1.0, -1.0, -1.0])
+    assert second_apart(R, 0.1 * at) == [0, 3, 1, 2]
+    assert second_apart(R[:1], at[:1]) == [0]
