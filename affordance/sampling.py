@@ -15,13 +15,13 @@ from affordance.networks import Contact
 from affordance.outlook import Look
 from affordance.pointnet2 import gathered
 
-TOP_SHARE, TOP_LEAST = 0.25, 20
+TOP_SHARE, TOP_LEAST = 0.5, 20
 """Share of the points with the best affordance among which some are drawn, and the least number of them."""
 
-SPOTS = 16
+SPOTS = 32
 """Points drawn."""
 
-DRAWS = 24
+DRAWS = 12
 """Actions drawn at each."""
 
 KEPT = 20
