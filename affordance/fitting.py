@@ -121,3 +121,19 @@ def backed_off(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gri
     if back > BACK:
         return None
     return T_world_hand * pin.SE3(np.eye(3), np.array([0.0, 0.0, -back]))
+
+
+def deepened(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gripper, depth: float) -> pin.SE3:
+    """The hand moved on until its tips are ``depth`` [m] past the front of the seen points between its fingers.
+
+    Unchanged where they are already, where nothing lies between them, or where ``REACH`` is not enough.
+    """
+    seen = points(T_world_hand.inverse(), cloud)
+    ahead = seen[:, 2] - gripper.tip_offset
+    between = (np.abs(seen[:, 0]) < PAD_HALF) & (np.abs(seen[:, 1]) < opening) & (ahead < REACH)
+    if not between.any():
+        return T_world_hand
+    on = float(ahead[between].min()) + depth
+    if not 0.0 < on <= REACH + depth:
+        return T_world_hand
+    return T_world_hand * pin.SE3(np.eye(3), np.array([0.0, 0.0, on]))

@@ -31,7 +31,7 @@ from affordance.candidates import (
 from affordance.checkpoint import Checkpoint
 from affordance.critics import feasible
 from affordance.dataset import HAND, TURNING, spots_of, thinned
-from affordance.fitting import above_table, backed_off, centred, touching
+from affordance.fitting import above_table, backed_off, centred, deepened, touching
 from affordance.frames import ROLES, SCALE, Frame, cloud_of, frame_of, moved_cloud
 from affordance.heads import drawn, joined
 from affordance.maps import AffordanceMap, MapName
@@ -64,8 +64,11 @@ POSES = 48
 SNAP = np.cos(np.radians(30.0))
 """An operation's direction within this of an axis of the hand is along that axis."""
 
-DOWNWARD = -0.8
-"""A hand whose approach has a vertical part below this comes from above."""
+DEEP, SHALLOW = 0.024, 0.010
+"""How far finger tips reach at least past the front of an edge they lift by, and of a part they move [m].
+
+A pushed object may lie a centimetre from where it was expected.
+"""
 
 SHOWN = 5
 """Hands that a map shows."""
@@ -322,6 +325,7 @@ class LearnedProposer:
             T = touching(T, opening, view.cloud, gripper)
         else:
             T, opening = centred(T, opening, view.cloud, gripper)
+            T = deepened(T, opening, view.cloud, gripper, DEEP if kind == "grasp" else SHALLOW)
             free = backed_off(T, opening, view.cloud, gripper)
             if free is None:
                 return None

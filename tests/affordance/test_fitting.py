@@ -8,7 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from affordance.fitting import ASIDE, BACK, MARGIN, REACH, TABLE_GAP, above_table, backed_off, centred, touching
+from affordance.fitting import (
+    ASIDE,
+    BACK,
+    MARGIN,
+    REACH,
+    TABLE_GAP,
+    above_table,
+    backed_off,
+    centred,
+    deepened,
+    touching,
+)
 from affordance.grip import SPARE
 from robots.spatial import hand_rotation, points
 from robots.workcell import load_workcell
@@ -85,3 +96,14 @@ def test_open_fingers_are_drawn_back_from_what_they_would_meet(deep: float) -> N
     tip = free.act(np.array([0.0, 0.0, GRIPPER.tip_offset]))[2]
     assert tip >= 0.02
     assert tip == pytest.approx(0.02 - deep) or tip <= 0.022
+
+
+@given(st.floats(-0.015, 0.05))
+def test_tips_reach_as_far_past_the_front_as_is_wanted(past: float) -> None:
+    T = above((0.0, 0.0, 0.03 - past))
+    moved = deepened(T, 0.02, bar(0.02, 0.03), GRIPPER, 0.02)
+    tip = moved.act(np.array([0.0, 0.0, GRIPPER.tip_offset]))[2]
+    assert tip == pytest.approx(min(0.03 - past, 0.01))
+    aside = bar(0.02, 0.03) + np.array([0.2, 0.0, 0.0])
+    nothing = deepened(T, 0.02, aside, GRIPPER, 0.02)
+    assert np.array_equal(nothing.homogeneous, T.homogeneous)
