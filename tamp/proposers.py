@@ -41,6 +41,14 @@ def check_proposer(name: str, weights: Path | None = None) -> None:
         raise BadInput(f"There are no weights {path} for the proposer {name}. `bipre train` makes them.")
 
 
+def usable_proposers() -> tuple[str, ...]:
+    """The proposers that can work here: those without networks, and those whose weights are shipped."""
+    torch = importlib.util.find_spec("torch") is not None
+    return tuple(
+        name for name in PROPOSERS if name not in VARIANTS or (torch and shipped_weights(variant_of(name)).is_file())
+    )
+
+
 def weights_of(name: str, weights: Path | None) -> Path:
     """The file that a learned proposer's networks are read from."""
     return shipped_weights(variant_of(name)) if weights is None else weights

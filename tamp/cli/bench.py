@@ -28,7 +28,7 @@ class Arguments:
     """Arguments of ``bipre bench``."""
 
     methods: str = "all"
-    """Proposers, with commas between, or all."""
+    """Proposers, with commas between, or all: those without networks, and those whose weights are here."""
     mode: str = "E2"
     """E1: the best candidate of each stage only. E2: resampling. E3: closed loop. Several with commas between."""
     categories: str = "all"
@@ -107,9 +107,9 @@ def settings_of(arguments: Arguments) -> tuple[Settings, list[str]]:
     from tamp import ledger
     from tamp.bench.jobs import required
     from tamp.plan import package_versions
-    from tamp.proposers import PROPOSERS, check_proposer
+    from tamp.proposers import PROPOSERS, check_proposer, usable_proposers
 
-    methods = chosen("method", arguments.methods, PROPOSERS)
+    methods = chosen("method", arguments.methods, usable_proposers() if arguments.methods == "all" else PROPOSERS)
     for method in methods:
         check_proposer(method)
     found, absent = required(arguments.asset, wanted, splits, arguments.categories)

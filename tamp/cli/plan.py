@@ -40,9 +40,13 @@ class Arguments:
     """Choose among the seen or the held-out instances only."""
     seed: int = 0
     """Decides the instance, its pose and every draw of the search."""
-    proposer: str = "heuristic"
-    """Where candidates come from: learned, the shipped networks; heuristic, which knows the true object; uniform, which
-    knows the seen points; or learned without one of its parts."""
+    proposer: Annotated[
+        str,
+        tyro.conf.arg(
+            help="Where candidates come from: heuristic, which knows the true object; uniform, which knows the seen "
+            f"points; or networks, whole or without one of their parts: {', '.join(VARIANTS)}."
+        ),
+    ] = "heuristic"
     weights: Path | None = None
     """Weights of a learned proposer; without it those that are shipped."""
     workcell: str = "panda_pair"

@@ -104,13 +104,14 @@ def test_the_preparing_networks_have_the_widths_of_the_design(model: Model, view
 
 def test_the_critics_have_the_widths_of_the_design(model: Model, view: Look) -> None:
     critics = model.critics
-    widths = {"goal": 256, "pre": 448, "pose": 608}
+    widths = {"goal": 256, "pre": 448, "pose": 640}
     assert {name: getattr(critics, name).judge[0].in_features for name in widths} == widths
     goal, pre, scene = an_action(model, view, 0), an_action(model, view, 1), critics.tokens.scene(TEXT, EDGE)
     assert critics.goal(goal, scene).shape == (B,)
     assert critics.pre(pre[:, None].expand(B, K, 192), scene, goal).shape == (B, K)
     moves = torch.zeros(B, K, 9)
-    assert critics.pose(view.judged.whole, moves, critics.tokens.text(TEXT), goal, pre).shape == (B, K)
+    text, place = critics.tokens.text(TEXT), critics.tokens.place(PLACE)
+    assert critics.pose(view.judged.whole, moves, text, place, goal, pre).shape == (B, K)
     assert critics.feasibility(torch.zeros(B, K, STATION), view.judged.at(INDEX)).shape == (B, K, MEMBERS, len(CHECKS))
 
 
@@ -293,13 +294,15 @@ def test_the_total_reaches_every_weight(preset: str, head: str) -> None:
     idle = {name for name, weight in model.named_parameters() if weight.grad is None or not bool(weight.grad.any())}
     # Critics are always shown the goal and the cloud, and without a critic of poses the features of the whole.
     expected = {"critics.tokens.no_action", "critics.tokens.no_cloud"}
+    if not PRESETS[preset].pose_critic:
+        expected |= {"critics.tokens.place.weight", "critics.tokens.place.bias"}
     if not PRESETS[preset].pose_critic and PRESETS[preset].own_critic_encoder:
         expected |= {name for name, _ in model.named_parameters() if name.startswith("critics.encoder.whole")}
     assert idle == expected
 
 
 def losses_now(model: Model) -> np.ndarray:
-    """``(13,)`` the model's losses, for the same draws at every call."""
+    """``(16,)`` the model's losses, for the same draws at every call."""
     with torch.no_grad():
         found = [parts_of(model, 5000, seeded(seed)) for seed in range(4)]
     return np.array([[float(getattr(parts, field.name)) for field in fields(parts)] for parts in found]).mean(axis=0)

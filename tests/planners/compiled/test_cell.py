@@ -175,7 +175,7 @@ def test_paths_are_proven_repeatable_and_never_longer_after_shortening(twin: Twi
     assert np.array_equal(found.points[[0, -1]], pair)
     assert twin.motion.path(found.points, 0.002) == (len(found.points) - 1, at.FREE)
     short = twin.motion.shorten(found.points, seed=1, margin=0.002)
-    assert np.array_equal(short[[0, -1]], free)
+    assert np.array_equal(short[[0, -1]], pair)
     assert twin.motion.path(short, 0.002)[1] == at.FREE
     length = [np.linalg.norm(np.diff(p, axis=0), axis=1).sum() for p in (found.points, short)]
     assert length[1] <= length[0] + 1e-9

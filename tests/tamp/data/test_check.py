@@ -146,10 +146,10 @@ def test_impossible_values_are_found(tmp_path: Path) -> None:
 def test_a_shard_of_another_version_is_damaged_for_us(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from tamp.data import shards
 
-    monkeypatch.setattr(shards, "VERSION", 2)
+    monkeypatch.setattr(shards, "VERSION", 3)
     path = written(tmp_path, recorded(1))
     monkeypatch.undo()
-    with pytest.raises(BadRunFolder, match="is a bipremanip-data of version 2; version 1 is read"):
+    with pytest.raises(BadRunFolder, match="is a bipremanip-data of version 3; version 2 is read"):
         list(read_shard(path))
 
 
