@@ -70,6 +70,9 @@ DEEP, SHALLOW = 0.024, 0.010
 A pushed object may lie a centimetre from where it was expected.
 """
 
+CLOSED = 0.005
+"""A pushing hand drawn with less than this opening of a finger has closed fingers [m]: data sets have 0 or 10 mm on."""
+
 SHOWN = 5
 """Hands that a map shows."""
 
@@ -352,7 +355,7 @@ class LearnedProposer:
         made = []
         for k in distinct(found.R_world_hand, found.tip, found.score, KEPT):
             T, opening = _hand(found, k, gripper.tip_offset), float(found.opening[k])
-            if opening < 0.5 * gripper.finger_travel * 0.25:
+            if opening < CLOSED:
                 opening = 0.0
             start = None
             if stage == "press":

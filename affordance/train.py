@@ -159,7 +159,15 @@ class Fitting:
         return checkpoint.save(folder / WEIGHTS, self.average, self.text_backend, self.step, half=True)
 
     def go_on_from(self, found: Checkpoint) -> None:
-        """Take over everything from a checkpoint of the same settings."""
+        """Take over everything from a checkpoint of the same settings.
+
+        Raises:
+            BadInput: It holds networks alone, from which training cannot go on.
+        """
+        if not any(name.startswith(AVERAGE) for name in found.extra):
+            raise BadInput(
+                "The checkpoint there holds networks without their training; --adapt begins with such weights."
+            )
         self.model.load_state_dict(found.model.state_dict())
         learning(self.model, adapting=self.adapting)
         mean = {name.removeprefix(AVERAGE): t for name, t in found.extra.items() if name.startswith(AVERAGE)}

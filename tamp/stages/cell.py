@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import pinocchio as pin
 
+from affordance.stations import hand_corners
 from planners import cartesian, ik
 from planners.cartesian import Broken
 from planners.collision import CollisionWorld, Contact
@@ -170,10 +171,7 @@ class Cell:
 
     def hand_points(self, side: Side, T_world_hand: pin.SE3) -> Array:
         """Corners of a hand's bounding box ``(8, 3)`` [m] at a hand pose."""
-        gripper = self.workcell.arm(side).gripper
-        x, y = 0.032, 0.10
-        box = [[sx * x, sy * y, z] for sx in (-1, 1) for sy in (-1, 1) for z in (0.0, gripper.tip_offset)]
-        return points(T_world_hand, np.array(box))
+        return hand_corners(self.workcell.arm(side).gripper, T_world_hand)
 
 
 def closing(side: Side, allowed: tuple[Pair, ...], holder: Side | None) -> Squeeze:

@@ -189,3 +189,9 @@ def test_an_absent_device_is_said() -> None:
     learned, kept = examples_in([STORED])
     with pytest.raises(BadInput, match="torch sees no CUDA device"):
         forecast(Task(learned, kept, settings(1), 0, "cuda", 1, None))
+
+
+def test_weights_alone_are_no_checkpoint(tmp_path: Path) -> None:
+    path = fresh(2).give_out(tmp_path)
+    with pytest.raises(BadInput, match="networks without their training"):
+        fresh(2).go_on_from(checkpoint.load(path))
