@@ -13,10 +13,10 @@ import torch
 from torch import Tensor
 
 from affordance.examples import Act, Example
-from affordance.frames import ROLES, SCALE
+from affordance.frames import ROLES
 from affordance.networks import KINDS, STROKE
-from affordance.pointnet2 import Indices, farthest_points, indices_of
-from affordance.settings import Profile, Settings
+from affordance.pointnet2 import Indices, farthest_points, gathered, indices_of
+from affordance.settings import SCALE, Profile, Settings
 from affordance.text import TextEncoder
 from robots.errors import BadInput
 
@@ -34,9 +34,6 @@ HAND = 8
 
 STATIONS = 4
 """Judgements of the planner drawn for each row."""
-
-TIP = 0.1122
-"""Hand frame to the very end of the fingers [m]: the gripper of the data sets, that of ``panda_pair``."""
 
 PAD_X, PAD_Y, PAD_BACK, PAD_AHEAD = 0.013, 0.006, 0.034, 0.012
 """Points this far from the middle of the pads across, beyond the open fingers, behind and ahead of the tips are where a
@@ -56,6 +53,7 @@ class Hands:
     Attributes:
         R: ``(B, 3, 3)`` its rotation.
         tip: ``(B, 3)`` between its finger tips [m].
+        tool: ``(B, 3)`` its tool centre point [m].
         opening: ``(B,)`` of one finger [m].
         spots: ``(B, N)`` booleans: points where it acted.
         direction: ``(B, 3)`` as in ``Act``, turned into the frame of the hand for a goal action.
@@ -69,6 +67,7 @@ class Hands:
 
     R: Tensor
     tip: Tensor
+    tool: Tensor
     opening: Tensor
     spots: Tensor
     direction: Tensor
@@ -136,8 +135,23 @@ class Batch:
 class Dataset:
     """Examples ready to be drawn from; the same examples, settings and seed give the same batches."""
 
-    def __init__(self, examples: Sequence[Example], settings: Settings, encoder: TextEncoder, *, seed: int = 0) -> None:
+    def __init__(
+        self,
+        examples: Sequence[Example],
+        settings: Settings,
+        encoder: TextEncoder,
+        *,
+        seed: int = 0,
+        device: str = "cpu",
+    ) -> None:
         """Thin every cloud.
+
+        Args:
+            examples: What is learned from.
+            settings: Decide the sizes of the clouds.
+            encoder: Of instructions.
+            seed: Decides the thinnings.
+            device: Where distances are computed, ``cpu`` or ``cuda``; batches are made on the CPU.
 
         Raises:
             BadInput: There is no example.
@@ -147,10 +161,10 @@ class Dataset:
         self.examples, self.profile, self.encoder = list(examples), settings.profile, encoder
         self._texts: dict[str, np.ndarray] = {}
         rng = np.random.default_rng([seed, 0])
-        self.points = _thinned(self.examples, self.profile.points, rng)
+        self.points = _thinned(self.examples, self.profile.points, rng, device)
         self.after, self.roles = _after(self.examples, self.points)
         self.indices, self.indices_after = (
-            _neighbourhoods(points, self.profile) for points in (self.points, self.after)
+            _neighbourhoods(points, self.profile, device) for points in (self.points, self.after)
         )
         self._goal, self._pre = (
             _hands([_act(e, name) for e in self.examples], self.points) for name in ("goal", "pre")
@@ -274,20 +288,21 @@ def _candidates(points: np.ndarray, rng: np.random.Generator, left_out: float) -
     return np.asarray(points[kept[:CANDIDATES]], dtype=np.float32)
 
 
-def _spread_out(clouds: Sequence[np.ndarray], count: int) -> np.ndarray:
-    stacked = torch.from_numpy(np.stack(clouds))
-    index = farthest_points(stacked, count)
-    return np.asarray(torch.stack([cloud[rows] for cloud, rows in zip(stacked, index, strict=True)]))
+def _spread_out(clouds: Sequence[np.ndarray], count: int, device: str = "cpu") -> np.ndarray:
+    stacked = torch.from_numpy(np.stack(clouds)).to(device)
+    return np.asarray(gathered(stacked, farthest_points(stacked, count)).cpu())
 
 
-def _thinned(examples: Sequence[Example], count: int, rng: np.random.Generator, at_once: int = 256) -> Tensor:
+def _thinned(
+    examples: Sequence[Example], count: int, rng: np.random.Generator, device: str, at_once: int = 256
+) -> Tensor:
     """``(examples * VARIANTS, count, 3)``."""
     found = []
     clouds = [
         _candidates(example.points, rng, rng.uniform(0.0, LEFT_OUT)) for example in examples for _ in range(VARIANTS)
     ]
     for start in range(0, len(clouds), at_once):
-        found.append(_spread_out(clouds[start : start + at_once], count))
+        found.append(_spread_out(clouds[start : start + at_once], count, device))
     return torch.from_numpy(np.concatenate(found))
 
 
@@ -304,12 +319,18 @@ def _after(examples: Sequence[Example], points: Tensor) -> tuple[Tensor, Tensor]
     return after, roles
 
 
-def _neighbourhoods(points: Tensor, profile: Profile, at_once: int = 64) -> Indices:
+def _neighbourhoods(points: Tensor, profile: Profile, device: str, at_once: int = 64) -> Indices:
     """Of every row; kept in 16 bits."""
-    parts = [indices_of(points[start : start + at_once] / SCALE, profile) for start in range(0, len(points), at_once)]
+    parts = [
+        indices_of(points[start : start + at_once].to(device) / SCALE, profile)
+        for start in range(0, len(points), at_once)
+    ]
     return Indices(
         *(
-            tuple(torch.cat([getattr(part, field.name)[level] for part in parts]).to(torch.int16) for level in range(4))
+            tuple(
+                torch.cat([getattr(part, field.name)[level] for part in parts]).to(torch.int16).cpu()
+                for level in range(4)
+            )
             for field in fields(Indices)
         )
     )
@@ -327,10 +348,10 @@ def _act(example: Example, name: str) -> Act | None:
     return act
 
 
-def spots_of(points: np.ndarray, T_world_hand: np.ndarray, opening: float) -> np.ndarray:
+def spots_of(points: np.ndarray, T_world_hand: np.ndarray, opening: float, tip_offset: float) -> np.ndarray:
     """Which points ``(n, 3)`` a hand acts on ``(n,)``: those between its pads, else those nearest to its tips."""
     seen = (points - T_world_hand[:3, 3]) @ T_world_hand[:3, :3]
-    ahead = seen[:, 2] - TIP
+    ahead = seen[:, 2] - tip_offset
     found = (
         (np.abs(seen[:, 0]) < PAD_X)
         & (np.abs(seen[:, 1]) < opening + PAD_Y)
@@ -338,7 +359,7 @@ def spots_of(points: np.ndarray, T_world_hand: np.ndarray, opening: float) -> np
         & (ahead < PAD_AHEAD)
     )
     if not found.any():
-        away = np.linalg.norm(seen - [0.0, 0.0, TIP], axis=1)
+        away = np.linalg.norm(seen - [0.0, 0.0, tip_offset], axis=1)
         found = away <= np.partition(away, NEAREST)[NEAREST]
     return np.asarray(found)
 
@@ -347,7 +368,9 @@ def _hands(acts: Sequence[Act | None], points: Tensor) -> Hands:
     """What each example's hand did; spots for each thinning, all else once."""
     count = len(acts)
     spots = torch.zeros(points.shape[:2], dtype=torch.bool)
-    numbers = {name: np.zeros((count, 3), dtype=np.float32) for name in ("tip", "direction", "outward", "point")}
+    numbers = {
+        name: np.zeros((count, 3), dtype=np.float32) for name in ("tip", "tool", "direction", "outward", "point")
+    }
     R = np.tile(np.eye(3, dtype=np.float32), (count, 1, 1))
     plain = {name: np.zeros(count, dtype=np.float32) for name in ("opening", "amount")}
     kind, behind, known = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
@@ -355,10 +378,10 @@ def _hands(acts: Sequence[Act | None], points: Tensor) -> Hands:
         if act is None:
             continue
         turn = act.T_world_hand[:3, :3]
-        tip = act.T_world_hand[:3, 3] + TIP * turn[:, 2]
+        tip, tool = (act.T_world_hand[:3, 3] + offset * turn[:, 2] for offset in (act.tip_offset, act.tcp_offset))
         known[k], behind[k], R[k] = True, act.behind, turn
         plain["opening"][k] = act.opening
-        numbers["tip"][k] = tip
+        numbers["tip"][k], numbers["tool"][k] = tip, tool
         if act.kind is None:
             numbers["direction"][k] = act.direction
             plain["amount"][k] = act.amount / SCALE
@@ -368,7 +391,7 @@ def _hands(acts: Sequence[Act | None], points: Tensor) -> Hands:
             numbers["point"][k] = turn.T @ (act.point - tip) / SCALE
             plain["amount"][k] = act.amount / (1.0 if act.kind in TURNING else STROKE)
         for row in range(k * VARIANTS, (k + 1) * VARIANTS):
-            spots[row] = torch.from_numpy(spots_of(points[row].numpy(), act.T_world_hand, act.opening))
+            spots[row] = torch.from_numpy(spots_of(points[row].numpy(), act.T_world_hand, act.opening, act.tip_offset))
     tensors = {name: torch.from_numpy(values) for name, values in (numbers | plain).items()}
     return Hands(
         R=torch.from_numpy(R),

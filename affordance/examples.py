@@ -21,6 +21,8 @@ class Act:
 
     Attributes:
         T_world_hand: ``(4, 4)`` its pose at the contact.
+        tip_offset, tcp_offset: From there along the approach to the very end of the fingers, and to the tool centre
+            point [m].
         opening: Opening of one finger while approaching [m].
         direction: ``(3,)`` unit vector as in ``GoalCandidate``; of a push or press, along which it moved on; else zero.
         amount: How far it moved [m] or turned [rad].
@@ -31,6 +33,8 @@ class Act:
     """
 
     T_world_hand: Array
+    tip_offset: float
+    tcp_offset: float
     opening: float
     direction: Array
     amount: float

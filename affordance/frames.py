@@ -14,8 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-SCALE = 0.25
-"""Length that is one to the networks [m]: about a desk object's largest half extent."""
+from affordance.settings import SCALE
 
 ROLES = ("object", "gripper", "support")
 """What a point can belong to, in the order of its one-hot channels."""

@@ -95,8 +95,15 @@ class Encoder(nn.Module):
             cloud: Positions and roles.
             indices: What ``indices_of`` gives for these clouds; without it, it is computed here.
         """
+        known = indices_of(cloud[..., :3].contiguous(), self.profile) if indices is None else indices
+        # On a GPU, the layers compute in half precision with eight bits of exponent, where a loss needs no scaling;
+        # positions and whatever is made of features elsewhere stay exact.
+        with torch.autocast(cloud.device.type, dtype=torch.bfloat16, enabled=cloud.is_cuda):
+            points, whole = self._encoded(cloud, known)
+        return Encoded(points.float(), whole.float())
+
+    def _encoded(self, cloud: Tensor, known: Indices) -> tuple[Tensor, Tensor]:
         xyz = [cloud[..., :3].contiguous()]
-        known = indices_of(xyz[0], self.profile) if indices is None else indices
         features = [cloud]
         for level, layers in enumerate(self.down):
             xyz.append(gathered(xyz[level], known.centres[level]))
@@ -108,7 +115,7 @@ class Encoder(nn.Module):
         for level in reversed(range(len(DOWN))):
             spread = _interpolated(xyz[level], xyz[level + 1], above, known.supports[level])
             above = _pointwise(self.up[level], torch.cat([features[level], spread], dim=-1))
-        return Encoded(_pointwise(self.points, above), whole)
+        return _pointwise(self.points, above), whole
 
 
 def indices_of(xyz: Tensor, profile: Profile) -> Indices:

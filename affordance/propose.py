@@ -32,7 +32,7 @@ from affordance.checkpoint import Checkpoint
 from affordance.critics import feasible
 from affordance.dataset import HAND, TURNING, spots_of, thinned
 from affordance.fitting import above_table, backed_off, centred, deepened, touching
-from affordance.frames import ROLES, SCALE, Frame, cloud_of, frame_of, moved_cloud
+from affordance.frames import ROLES, Frame, cloud_of, frame_of, moved_cloud
 from affordance.heads import drawn, joined
 from affordance.maps import AffordanceMap, MapName
 from affordance.networks import KINDS, STROKE, Contact, Model
@@ -40,6 +40,7 @@ from affordance.outlook import Look, look
 from affordance.pointnet2 import gathered
 from affordance.preparing import BEHIND, LIFT
 from affordance.sampling import KEPT, Drawn, Judge, distinct, hands, second_apart
+from affordance.settings import SCALE
 from affordance.stations import station, surroundings
 from affordance.text import text_encoder
 from affordance.variants import Variant
@@ -256,8 +257,9 @@ class LearnedProposer:
     def _spot(self, sight: Sight, T_world_hand: pin.SE3, opening: float) -> Tensor:
         """``(1,)`` the point at which a hand acts: of those between its pads the nearest to its tips."""
         T = T_world_hand.homogeneous
-        mine = spots_of(sight.points, T, opening) & sight.is_object.numpy()
-        tip = T[:3, 3] + sight.view.workcell.arm("left").gripper.tip_offset * T[:3, 2]
+        tip_offset = sight.view.workcell.arm("left").gripper.tip_offset
+        mine = spots_of(sight.points, T, opening, tip_offset) & sight.is_object.numpy()
+        tip = T[:3, 3] + tip_offset * T[:3, 2]
         away = np.linalg.norm(sight.points - tip, axis=1)
         return torch.tensor([int(np.where(mine, away, away + 1e3).argmin())])
 

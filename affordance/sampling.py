@@ -9,11 +9,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from affordance.frames import SCALE, Frame, canonical
+from affordance.frames import Frame, canonical
 from affordance.heads import drawn
 from affordance.networks import Contact
 from affordance.outlook import Look
 from affordance.pointnet2 import gathered
+from affordance.settings import SCALE
 
 TOP_SHARE, TOP_LEAST = 0.5, 20
 """Share of the points with the best affordance among which some are drawn, and the least number of them."""

@@ -11,8 +11,11 @@ from msgspec import Struct
 
 from robots.errors import UnknownName
 
+SCALE = 0.25
+"""Length that is one to the networks [m]: about a desk object's largest half extent."""
+
 RADII = (0.1, 0.2, 0.4, 0.8)
-"""Ball radii of the four levels in units of ``affordance.frames.SCALE``: 25, 50, 100 and 200 mm, the sizes of a finger,
+"""Ball radii of the four levels in units of ``SCALE``: 25, 50, 100 and 200 mm, the sizes of a finger,
 a hand, a desk object and all of it. Where2Act's radii are the same numbers for objects of about a metre."""
 
 NEIGHBOURS = 32

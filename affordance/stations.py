@@ -7,12 +7,10 @@ import pinocchio as pin
 
 from affordance.examples import Surroundings
 from affordance.preparing import near_edge
+from affordance.settings import SCALE
 from robots.spatial import Array, pose, unit
 from robots.workcell import Gripper, Side, Table, Workcell
 from worlds.tasks import TaskType
-
-SCALE = 0.25
-"""Length that is one [m]; ``affordance.frames.SCALE``, which needs torch."""
 
 STAGES = ("pregrasp", "lift", "reorient", "push", "press", "operate", "grasp", "present")
 """Stages that candidates are proposed for, in the order of their one-hot channels."""

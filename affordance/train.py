@@ -7,6 +7,7 @@ stopped. The running mean labels affordances, and is what is given out in the en
 from __future__ import annotations
 
 import copy
+import functools
 import json
 import math
 import resource
@@ -30,9 +31,10 @@ from affordance.dataset import Dataset
 from affordance.examples import Example
 from affordance.losses import Parts, total
 from affordance.networks import Model
-from affordance.objective import parts_of, validate
+from affordance.objective import parts_of
 from affordance.settings import Settings
 from affordance.text import Backend, text_encoder
+from affordance.validation import validate
 from robots.cache import write_atomic
 from robots.errors import BadInput, TrainingDiverged
 
@@ -107,9 +109,8 @@ class Fitting:
         """
         training, rng, generator = self.settings.training, self._rng(), self._generator(device)
         batch = dataset.batch(rng, training.batch).to(device)
-        with _precision(device):
-            parts = loss_of(self.model, self.average, batch, self.step, generator, adapting=self.adapting)
-            loss = total(parts, self.settings.losses)
+        parts = loss_of(self.model, self.average, batch, self.step, generator, adapting=self.adapting)
+        loss = total(parts, self.settings.losses)
         if not bool(torch.isfinite(loss)):
             bad = [f.name for f in fields(Parts) if not bool(torch.isfinite(getattr(parts, f.name)).all())]
             raise TrainingDiverged(
@@ -131,10 +132,8 @@ class Fitting:
         """Take the weights into the running mean, which follows faster at the beginning."""
         decay = min(self.settings.training.average, (1.0 + self.step) / (10.0 + self.step))
         with torch.no_grad():
-            for mean, weight in zip(self.average.parameters(), self.model.parameters(), strict=True):
-                mean.lerp_(weight, 1.0 - decay)
-            for kept, value in zip(self.average.buffers(), self.model.buffers(), strict=True):
-                kept.copy_(torch.lerp(kept, value, 1.0 - decay) if kept.is_floating_point() else value)
+            means, weights = (_numbers(model) for model in (self.average, self.model))
+            torch._foreach_lerp_(means, weights, 1.0 - decay)
 
     def _rng(self) -> np.random.Generator:
         return np.random.default_rng([self.seed, self.step])
@@ -436,8 +435,8 @@ def fit(task: Task, folder: Path, watch: Watch) -> Fitted:
         found = checkpoint.load(folder / CHECKPOINT)
         fitting.go_on_from(found)
     encoder = text_encoder(fitting.text_backend)
-    dataset = Dataset(task.learned, fitting.settings, encoder, seed=task.seed)
-    held_out = Dataset(task.held_out, fitting.settings, encoder, seed=task.seed) if task.held_out else None
+    made = functools.partial(Dataset, settings=fitting.settings, encoder=encoder, seed=task.seed, device=task.device)
+    dataset, held_out = made(task.learned), made(task.held_out) if task.held_out else None
     told, loss = train(
         fitting, dataset, held_out, folder, watch, device=task.device, steps=task.settings.training.steps
     )
@@ -496,14 +495,9 @@ def _cut_back(path: Path, step: int) -> float:
     return seconds
 
 
-@contextmanager
-def _precision(device: str) -> Iterator[None]:
-    """Half precision with eight bits of exponent on a GPU, where it needs no scaling of the loss."""
-    if device != "cuda":
-        yield
-        return
-    with torch.autocast("cuda", dtype=torch.bfloat16):
-        yield
+def _numbers(model: Model) -> list[Tensor]:
+    """Weights and running statistics of a model; not its counters of batches."""
+    return [*model.parameters(), *(buffer for buffer in model.buffers() if buffer.is_floating_point())]
 
 
 def tensors_of(fitting: Fitting) -> dict[str, Tensor]:

@@ -16,7 +16,7 @@ from affordance.stations import STAGES, hand_corners, station, surroundings
 from affordance.text import paraphrases
 from robots.errors import BadInput
 from robots.spatial import Array
-from robots.workcell import Side, Workcell, load_workcell, other
+from robots.workcell import SIDES, Gripper, Side, Workcell, load_workcell, other
 from tamp.data.shards import read_shard, require_h5py, shard_paths
 from tamp.episode import Request
 from tamp.record import CHECK_OF_CAUSE, CHECKS, FAILED, PASSED, UNKNOWN, Action, Recorded
@@ -97,6 +97,7 @@ def examples_of(name: str, recorded: Recorded, workcell: Workcell) -> Iterator[E
         )  # fmt: skip
         return
     tried, prepared = _reached(recorded)
+    grippers = {side: workcell.arm(side).gripper for side in SIDES}
     before = np.eye(4)
     for number, (begin, end) in enumerate(zip(starts, [*starts[1:], len(recorded.actions)], strict=True)):
         stages = recorded.actions[begin:end]
@@ -109,8 +110,8 @@ def examples_of(name: str, recorded: Recorded, workcell: Workcell) -> Iterator[E
         yield Example(
             **common,
             points=(points @ before[:3, :3].T + before[:3, 3]).astype(np.float32),
-            goal=_goal(last, T_move if last.stage != "receive" else np.eye(4)) if final else None,
-            pre=_pre(stages[0]),
+            goal=_goal(last, T_move if last.stage != "receive" else np.eye(4), grippers[primary]) if final else None,
+            pre=_pre(stages[0], grippers[cast(Side, stages[0].arm)]),
             T_move=T_move,
             hand=_hand(stages, T_move, workcell),
             tried=tried and final,
@@ -129,13 +130,15 @@ def _reached(recorded: Recorded) -> tuple[bool, bool]:
     return prepared and recorded.failure.stage in GOAL_FAILED, prepared
 
 
-def _goal(action: Action, T_move: Array) -> Act:
+def _goal(action: Action, T_move: Array, gripper: Gripper) -> Act:
     """A goal action carried back by how the object was expected to have moved."""
     back = np.linalg.inv(T_move)
     turn = back[:3, :3]
     assert action.kind in get_args(OperationKind)
     return Act(
         T_world_hand=back @ action.T_world_hand,
+        tip_offset=gripper.tip_offset,
+        tcp_offset=gripper.tcp_offset,
         opening=action.opening,
         direction=turn @ (action.direction if action.direction.any() else action.outward),
         amount=action.amount,
@@ -145,11 +148,11 @@ def _goal(action: Action, T_move: Array) -> Act:
     )
 
 
-def _pre(action: Action) -> Act:
+def _pre(action: Action, gripper: Gripper) -> Act:
     nothing = np.zeros(3)
     return Act(
-        action.T_world_hand, action.opening, action.direction, action.amount, None, nothing, nothing,
-        behind=bool(action.start.any()),
+        action.T_world_hand, gripper.tip_offset, gripper.tcp_offset, action.opening, action.direction, action.amount,
+        None, nothing, nothing, behind=bool(action.start.any()),
     )  # fmt: skip
 
 

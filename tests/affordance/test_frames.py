@@ -11,7 +11,6 @@ torch = pytest.importorskip("torch", reason="torch is not installed")
 from affordance.frames import (
     IDENTITY,
     ROLES,
-    SCALE,
     Frame,
     carried,
     cloud_of,
@@ -23,6 +22,7 @@ from affordance.frames import (
     rotation_of,
     turned,
 )
+from affordance.settings import SCALE
 from robots.spatial import hand_rotation
 from tests.affordance.clouds import rotations, seeded
 

@@ -15,12 +15,14 @@ torch = pytest.importorskip("torch", reason="torch is not installed")
 pytest.importorskip("h5py", reason="the extra `data` is not installed")
 
 from affordance.dataset import HAND, Batch, Dataset, spots_of
-from affordance.frames import SCALE, rotation_of
+from affordance.frames import rotation_of
 from affordance.losses import Parts, total
 from affordance.networks import Model
-from affordance.objective import ACTORS, auroc, calibration_error, done_in, parts_of, seen, validate
-from affordance.settings import settings_of
+from affordance.objective import ACTORS, parts_of
+from affordance.settings import SCALE, settings_of
 from affordance.text import HashText
+from affordance.validation import auroc, calibration_error, validate
+from affordance.views import done_in, seen
 from robots.errors import BadInput
 from tamp.learning import examples_in
 from tests.affordance.clouds import seeded
@@ -86,8 +88,8 @@ def test_spots_lie_between_the_pads() -> None:
     T = np.eye(4)
     cloud = np.array([[0.0, 0.0, 0.11], [0.0, 0.05, 0.11], [0.05, 0.0, 0.11], [0.0, 0.0, 0.2]])
     cloud = np.concatenate([cloud, np.full((6, 3), 1.0)])
-    assert spots_of(cloud, T, 0.02).tolist() == [True] + [False] * 9
-    assert spots_of(cloud[1:], T, 0.02).sum() >= 1
+    assert spots_of(cloud, T, 0.02, 0.1122).tolist() == [True] + [False] * 9
+    assert spots_of(cloud[1:], T, 0.02, 0.1122).sum() >= 1
 
 
 def test_turning_a_row_turns_what_is_learned_with_it(model: Model, batch: Batch) -> None:
