@@ -4,7 +4,7 @@ decide; a batch then picks rows, turns them about the vertical and says which po
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -130,6 +130,11 @@ class Batch:
         """The same on a device."""
         moved: dict[str, Any] = {field.name: _to(getattr(self, field.name), device) for field in fields(self)}
         return Batch(**moved)
+
+    def take(self, other: Batch) -> None:
+        """Take over the rows of another batch of the same size, wherever it is."""
+        for mine, theirs in zip(_tensors(self), _tensors(other), strict=True):
+            mine.copy_(theirs)
 
 
 class Dataset:
@@ -419,3 +424,16 @@ def _to(value: Tensor | Hands | Indices, device: str) -> Tensor | Hands | Indice
             )
         case _:
             return value.to(device)
+
+
+def _tensors(value: object) -> Iterator[Tensor]:
+    """All tensors in a batch, in the order of its fields."""
+    match value:
+        case Tensor():
+            yield value
+        case tuple():
+            for part in value:
+                yield from _tensors(part)
+        case Batch() | Hands() | Indices():
+            for field in fields(value):
+                yield from _tensors(getattr(value, field.name))

@@ -143,7 +143,7 @@ def frame_of(points: Tensor, roles: Tensor, yaw: Tensor) -> Frame:
     """
     is_object = (roles == ROLES.index("object"))[..., None]
     count = is_object.sum(dim=1)
-    if not bool((count > 0).all()):
+    if not points.is_cuda and not bool((count > 0).all()):  # a GPU would have to wait for the answer
         raise ValueError("a view without points of the object has no centre")
     return Frame((points * is_object).sum(dim=1) / count, yaw)
 
@@ -183,13 +183,14 @@ def canonical(code: Tensor) -> Tensor:
 
 def flipped(R: Tensor) -> Tensor:
     """Hands ``(..., 3, 3)`` after half a turn about their approach: the same to two equal fingers."""
-    return R * R.new_tensor([-1.0, -1.0, 1.0])
+    return torch.cat([-R[..., :2], R[..., 2:]], dim=-1)
 
 
 def homogeneous(R: Tensor, t: Tensor) -> Tensor:
     """Matrices ``(..., 4, 4)`` of rotations ``(..., 3, 3)`` and translations ``(..., 3)``."""
     top = torch.cat([R, t[..., None]], dim=-1)
-    bottom = R.new_tensor([0.0, 0.0, 0.0, 1.0]).expand(*top.shape[:-2], 1, 4)
+    bottom = torch.zeros_like(top[..., :1, :])
+    bottom[..., 3] = 1.0
     return torch.cat([top, bottom], dim=-2)
 
 

@@ -101,8 +101,9 @@ def geodesic(Ra: Tensor, Rb: Tensor, form: str = "atan2") -> Tensor:
     cosine = between.diagonal(dim1=-2, dim2=-1).sum(-1) - 1.0
     if form == "arccos":
         return torch.arccos((0.5 * cosine).clamp(-1.0 + CLAMP, 1.0 - CLAMP))
-    skew = (between - between.mT)[..., [2, 0, 1], [1, 2, 0]]
-    return torch.atan2(torch.linalg.vector_norm(skew, dim=-1), cosine)
+    skew = between - between.mT
+    sine = torch.linalg.vector_norm(torch.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], dim=-1), dim=-1)
+    return torch.atan2(sine, cosine)
 
 
 def hand_angle(R: Tensor, R_true: Tensor, losses: Losses) -> Tensor:
@@ -118,9 +119,12 @@ def divergence(mean: Tensor, log_variance: Tensor) -> Tensor:
     return 0.5 * (mean.square() + log_variance.exp() - 1.0 - log_variance).sum(-1)
 
 
-def warmed(weight: float, step: int, losses: Losses) -> float:
+def warmed(weight: float, step: int | Tensor, losses: Losses) -> float | Tensor:
     """The weight of the divergence at a step of training: it rises from zero over the warm-up."""
-    return weight * min(1.0, step / losses.kl_warmup) if losses.kl_warmup else weight
+    if not losses.kl_warmup:
+        return weight
+    share = step / losses.kl_warmup
+    return weight * (share.clamp(max=1.0) if isinstance(share, Tensor) else min(1.0, share))
 
 
 def orientation_loss(
@@ -129,7 +133,7 @@ def orientation_loss(
     R_true: Tensor,
     mask: Tensor,
     losses: Losses,
-    step: int,
+    step: int | Tensor,
     generator: torch.Generator,
 ) -> Tensor:
     """Loss of a head that draws orientations of a hand.
@@ -159,7 +163,7 @@ def pose_loss(
     move_true: Tensor,
     mask: Tensor,
     losses: Losses,
-    step: int,
+    step: int | Tensor,
     generator: torch.Generator,
 ) -> Tensor:
     """Loss of a head that draws rigid motions ``(..., 9)``; the arguments are those of ``orientation_loss``."""
@@ -273,7 +277,7 @@ def _reconstructed(head: CVAE, condition: Tensor, target: Tensor, generator: tor
 
 
 def _weighted(
-    angle: Tensor, shift: Tensor, kl: Tensor, mask: Tensor, weights: Weights, losses: Losses, step: int
+    angle: Tensor, shift: Tensor, kl: Tensor, mask: Tensor, weights: Weights, losses: Losses, step: int | Tensor
 ) -> Tensor:
     row = weights.angle * angle + weights.shift * shift + warmed(weights.kl, step, losses) * kl
     return masked_mean(row, mask)

@@ -38,7 +38,14 @@ MAPPED = 8
 
 
 def parts_of(
-    model: Model, average: Model, batch: Batch, step: int, generator: torch.Generator, *, adapting: bool = False
+    model: Model,
+    average: Model,
+    batch: Batch,
+    step: int | Tensor,
+    generator: torch.Generator,
+    *,
+    labelled: bool = True,
+    adapting: bool = False,
 ) -> Parts:
     """All losses of a batch.
 
@@ -48,14 +55,13 @@ def parts_of(
         batch: The rows.
         step: Of training.
         generator: Decides every draw.
+        labelled: Whether affordances are labelled and learned.
         adapting: Whether only judges and maps learn, from the outcomes of the networks' own proposals.
     """
-    losses = model.settings.losses
     scene = seen(model, batch)
     goal_before, goal_after, pre = done_in(scene, batch, generator)
     good = batch.success & batch.goal.known
     nothing = scene.move.new_zeros(())
-    labelled = step % losses.label_every == 0
     outlook = scene.move.new_zeros(len(good))
     maps: dict[str, Tensor] = {"affordance_goal": nothing, "affordance_pre": nothing}
     if labelled:
@@ -85,7 +91,7 @@ def _actors(
     batch: Batch,
     done: tuple[Done, Done, Done],
     good: Tensor,
-    step: int,
+    step: int | Tensor,
     generator: torch.Generator,
 ) -> dict[str, Tensor]:
     settings, tokens = model.settings, model.tokens
@@ -251,7 +257,7 @@ def _critics(
     pose_loss_ = scene.move.new_zeros(())
     if critics.pose is not None:
         text, place = tokens.text(view.text), tokens.place(scene.place)
-        other = scene.move[torch.randperm(len(aim), generator=generator, device=aim.device)]
+        other = scene.move[torch.rand(len(aim), generator=generator, device=aim.device).argsort()]
         turn = rotation_of(other[:, :6])
         astray = torch.cat([code_of(turned_away(turn, generator)), other[:, 6:]], dim=-1)
         judged = torch.stack(

@@ -16,7 +16,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +27,12 @@ from torch import Tensor
 
 from affordance import checkpoint
 from affordance.checkpoint import Checkpoint
-from affordance.dataset import Dataset
+from affordance.dataset import Batch, Dataset
 from affordance.examples import Example
 from affordance.losses import Parts, total
 from affordance.networks import Model
 from affordance.objective import parts_of
+from affordance.replay import Recorder
 from affordance.settings import Settings
 from affordance.text import Backend, text_encoder
 from affordance.validation import validate
@@ -78,6 +79,7 @@ class Fitting:
         seed: Decides everything that is drawn, with the number of the step.
         text_backend: Encoder of the instructions.
         adapting: Whether only judges and maps learn.
+        recorder: Records and replays steps on a GPU; ``None`` on the CPU.
         step: Steps done.
     """
 
@@ -88,8 +90,9 @@ class Fitting:
     seed: int
     text_backend: Backend
     adapting: bool
+    recorder: Recorder | None
     step: int = 0
-    _names: list[str] = field(default_factory=list)
+    _ahead: tuple[int, Batch] | None = None
 
     def rate(self) -> float:
         """Learning rate of the next step: a cosine from the first to the last (Loshchilov and Hutter, "SGDR", ICLR
@@ -107,10 +110,24 @@ class Fitting:
         Raises:
             TrainingDiverged: The loss or its gradient is not finite; no weight has been changed then.
         """
-        training, rng, generator = self.settings.training, self._rng(), self._generator(device)
-        batch = dataset.batch(rng, training.batch).to(device)
-        parts = loss_of(self.model, self.average, batch, self.step, generator, adapting=self.adapting)
-        loss = total(parts, self.settings.losses)
+        training, labelled = self.settings.training, self.step % self.settings.losses.label_every == 0
+
+        def compute(
+            rows: Batch, step: int | Tensor, generator: torch.Generator, labelled: bool
+        ) -> tuple[Parts, Tensor]:
+            self.optimiser.zero_grad(set_to_none=True)
+            parts = loss_of(self.model, self.average, rows, step, generator, labelled=labelled, adapting=self.adapting)
+            loss = total(parts, self.settings.losses)
+            loss.backward()  # type: ignore[no-untyped-call]
+            return Parts(**{f.name: getattr(parts, f.name).detach() for f in fields(Parts)}), loss.detach()
+
+        batch, number = self._drawn(dataset), int(np.random.default_rng([self.seed, self.step, 1]).integers(2**62))
+        if self.recorder is not None:
+            parts, loss = self.recorder(batch, self.step, number, labelled, compute)
+            self._ahead = (self.step + 1, dataset.batch(self._rng(self.step + 1), training.batch))
+        else:
+            generator = torch.Generator(device=device).manual_seed(number)
+            parts, loss = compute(batch.to(device), self.step, generator, labelled)
         if not bool(torch.isfinite(loss)):
             bad = [f.name for f in fields(Parts) if not bool(torch.isfinite(getattr(parts, f.name)).all())]
             raise TrainingDiverged(
@@ -118,8 +135,6 @@ class Fitting:
             )
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate()
-        self.optimiser.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
         norm = torch.nn.utils.clip_grad_norm_([w for w in self.model.parameters() if w.requires_grad], training.clip)
         if not bool(torch.isfinite(norm)):
             raise TrainingDiverged(f"Training stopped at step {self.step}: the gradient is not a finite number.")
@@ -128,6 +143,12 @@ class Fitting:
         self.step += 1
         return parts
 
+    def _drawn(self, dataset: Dataset) -> Batch:
+        """The rows of this step; on a GPU they were drawn while it computed the step before."""
+        if self._ahead is not None and self._ahead[0] == self.step:
+            return self._ahead[1]
+        return dataset.batch(self._rng(self.step), self.settings.training.batch)
+
     def _average_in(self) -> None:
         """Take the weights into the running mean, which follows faster at the beginning."""
         decay = min(self.settings.training.average, (1.0 + self.step) / (10.0 + self.step))
@@ -135,12 +156,8 @@ class Fitting:
             means, weights = (_numbers(model) for model in (self.average, self.model))
             torch._foreach_lerp_(means, weights, 1.0 - decay)
 
-    def _rng(self) -> np.random.Generator:
-        return np.random.default_rng([self.seed, self.step])
-
-    def _generator(self, device: str) -> torch.Generator:
-        number = int(np.random.default_rng([self.seed, self.step, 1]).integers(2**62))
-        return torch.Generator(device=device).manual_seed(number)
+    def _rng(self, step: int) -> np.random.Generator:
+        return np.random.default_rng([self.seed, step])
 
     # -- keeping it ------------------------------------------------------------------------------------------------
 
@@ -174,9 +191,7 @@ class Fitting:
         for name, weight in self.model.named_parameters():
             if f"{FIRST}{name}" in found.extra:
                 kept = {key: found.extra[f"{kind}{name}"].clone() for kind, key in ADAM.items()}
-                self.optimiser.state[weight] = {
-                    key: tensor if key == "step" else tensor.to(weight.device) for key, tensor in kept.items()
-                }
+                self.optimiser.state[weight] = {key: tensor.to(weight.device) for key, tensor in kept.items()}
         self.step = found.step
 
 
@@ -209,8 +224,10 @@ def begun(
     average.requires_grad_(False)
     training = settings.training
     learned = [weight for weight in model.parameters() if weight.requires_grad]
-    optimiser = torch.optim.Adam(learned, training.rate, weight_decay=training.weight_decay)
-    return Fitting(model, average, optimiser, settings, seed, text_backend, adapting)
+    on_gpu = device == "cuda"
+    optimiser = torch.optim.Adam(learned, training.rate, weight_decay=training.weight_decay, fused=on_gpu)
+    recorder = Recorder(model) if on_gpu else None
+    return Fitting(model, average, optimiser, settings, seed, text_backend, adapting, recorder)
 
 
 def learning(model: Model, *, adapting: bool) -> None:

@@ -130,8 +130,8 @@ def _one_of(mask: Tensor, generator: torch.Generator) -> Tensor:
 
 def _turned_over(hands: Hands, coin: Tensor) -> Hands:
     """Rows of the coin with the hand turned by half a turn about its approach: the same to two equal fingers."""
-    sign = hands.R.new_tensor([-1.0, -1.0, 1.0])
-    flip = torch.where(coin[:, None], sign, torch.ones_like(sign))
+    sign = 1.0 - 2.0 * coin.to(hands.R.dtype)
+    flip = torch.stack([sign, sign, torch.ones_like(sign)], dim=-1)
     local = {name: getattr(hands, name) * flip for name in ("outward", "point")}
     is_goal = hands.outward.any(dim=-1, keepdim=True)  # an assistant's direction is in the world frame
     direction = torch.where(is_goal, hands.direction * flip, hands.direction)
