@@ -29,6 +29,10 @@ LEFT_OUT = 0.3
 CANDIDATES = 2048
 """Points from which a thinning chooses, as many as a data set keeps; more are drawn again."""
 
+JITTER, BACKWARDS = 0.15, 0.25
+"""Standard deviation of the angle by which rows are turned away from their heading [rad], and share of them that are
+turned around: a heading follows what the camera happens to see."""
+
 HAND = 8
 """Points of a hand: the corners of its box."""
 
@@ -88,7 +92,7 @@ class Batch:
         after: ``(B, N, 3)`` of the object as it is expected after it, the last ones of the hand in rows ``held``.
         roles: ``(B, N)`` numbers in ``ROLES`` of ``after``.
         indices, indices_after: Neighbourhoods of both.
-        yaw: ``(B,)`` by which the row is turned [rad].
+        yaw: ``(B,)`` by which the row is turned beyond its heading [rad].
         text, wrong_text: ``(B, 512)`` embedded instructions, and those of another column.
         edge: ``(B, 2, 3)`` as in ``Surroundings``, and whether there is one ``(B,)``.
         place: The same.
@@ -186,7 +190,8 @@ class Dataset:
         count = size if not len(self._bad) else 0 if not len(self._good) else max(1, round(good * size))
         picked = [*self._drawn(self._good, count, rng), *self._drawn(self._bad, size - count, rng)]
         rows = np.array(picked, dtype=int)
-        return self._collated(rows, rng.integers(VARIANTS, size=size), rng.uniform(-np.pi, np.pi, size), rng)
+        yaw = rng.normal(0.0, JITTER, size) + np.pi * (rng.random(size) < BACKWARDS)
+        return self._collated(rows, rng.integers(VARIANTS, size=size), yaw, rng)
 
     def fixed(self, size: int, most: int = 96) -> list[Batch]:
         """The same rows every time, spread over all examples with actions, not turned."""

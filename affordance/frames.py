@@ -139,13 +139,36 @@ def frame_of(points: Tensor, roles: Tensor, yaw: Tensor) -> Frame:
     Args:
         points: ``(B, N, 3)`` in the world frame [m].
         roles: ``(B, N)`` numbers in ``ROLES``.
-        yaw: ``(B,)`` [rad]; zero outside training.
+        yaw: ``(B,)`` [rad].
     """
     is_object = (roles == ROLES.index("object"))[..., None]
     count = is_object.sum(dim=1)
     if not points.is_cuda and not bool((count > 0).all()):  # a GPU would have to wait for the answer
         raise ValueError("a view without points of the object has no centre")
     return Frame((points * is_object).sum(dim=1) / count, yaw)
+
+
+def heading_of(points: Tensor, roles: Tensor) -> Tensor:
+    """The yaw ``(B,)`` [rad] that lays the object's longest horizontal extent along x, its longer tail towards +x.
+
+    Network coordinates that follow the object spare the networks to learn every turn of it about the vertical. The
+    extent is the first principal axis of the object's horizontal coordinates; which of its ends comes first is decided
+    by their third moment along it.
+
+    Args:
+        points: ``(B, N, 3)`` in the world frame [m].
+        roles: ``(B, N)`` numbers in ``ROLES``; only the object counts.
+    """
+    is_object = (roles == ROLES.index("object"))[..., None].to(points.dtype)
+    count = is_object.sum(dim=1, keepdim=True).clamp(min=1.0)
+    level = points[..., :2]
+    away = (level - (level * is_object).sum(dim=1, keepdim=True) / count) * is_object
+    xx, yy = away.square().sum(dim=1).unbind(-1)
+    xy = away.prod(dim=-1).sum(dim=1)
+    angle = 0.5 * torch.atan2(2.0 * xy, xx - yy)
+    along = away[..., 0] * torch.cos(angle)[:, None] + away[..., 1] * torch.sin(angle)[:, None]
+    backwards = along.pow(3).sum(dim=1) < 0.0
+    return torch.where(backwards, torch.pi - angle, -angle)
 
 
 def cloud_of(frame: Frame, points: Tensor, roles: Tensor) -> Tensor:

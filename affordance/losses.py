@@ -106,12 +106,19 @@ def geodesic(Ra: Tensor, Rb: Tensor, form: str = "atan2") -> Tensor:
     return torch.atan2(sine, cosine)
 
 
-def hand_angle(R: Tensor, R_true: Tensor, losses: Losses) -> Tensor:
-    """Angle ``(...)`` between hands ``(..., 3, 3)``; if both ways to hold count as one, the lesser of the two."""
+def hand_angle(R: Tensor, R_true: Tensor, losses: Losses, spins: Tensor | None = None) -> Tensor:
+    """Angle ``(...)`` between hands ``(..., 3, 3)``; if both ways to hold count as one, the lesser of the two.
+
+    In rows of ``spins`` ``(...)``, where a turn about the approach means nothing, that between the approaches.
+    """
     angle = geodesic(R, R_true, losses.geodesic)
-    if not losses.flip:
+    if losses.flip:
+        angle = torch.minimum(angle, geodesic(flipped(R), R_true, losses.geodesic))
+    if spins is None:
         return angle
-    return torch.minimum(angle, geodesic(flipped(R), R_true, losses.geodesic))
+    approach, approach_true = R[..., :, 2], R_true[..., :, 2]
+    sine = torch.linalg.vector_norm(torch.linalg.cross(approach, approach_true.expand_as(approach)), dim=-1)
+    return torch.where(spins, torch.atan2(sine, (approach * approach_true).sum(-1)), angle)
 
 
 def divergence(mean: Tensor, log_variance: Tensor) -> Tensor:
@@ -135,6 +142,7 @@ def orientation_loss(
     losses: Losses,
     step: int | Tensor,
     generator: torch.Generator,
+    spins: Tensor | None = None,
 ) -> Tensor:
     """Loss of a head that draws orientations of a hand.
 
@@ -146,6 +154,7 @@ def orientation_loss(
         losses: The weights.
         step: Of training.
         generator: Decides the latents.
+        spins: ``(...)`` rows in which a turn about the approach means nothing, as in ``hand_angle``.
     """
     if isinstance(head, Flow):
         if losses.flip:
@@ -153,7 +162,7 @@ def orientation_loss(
             R_true = torch.where(coin[..., None, None], flipped(R_true), R_true)
         return losses.orientation.angle * masked_mean(head.errors(condition, code_of(R_true), generator), mask)
     out, kl = _reconstructed(head, condition, code_of(R_true), generator)
-    angle = hand_angle(rotation_of(out), R_true, losses)
+    angle = hand_angle(rotation_of(out), R_true, losses, spins)
     return _weighted(angle, torch.zeros_like(angle), kl, mask, losses.orientation, losses, step)
 
 
@@ -258,7 +267,13 @@ def relay_label(prepared: Tensor, success: Tensor, outlook: Tensor) -> Tensor:
 
 
 def prior_angles(
-    head: Head, condition: Tensor, R_true: Tensor, losses: Losses, draws: int, generator: torch.Generator
+    head: Head,
+    condition: Tensor,
+    R_true: Tensor,
+    losses: Losses,
+    draws: int,
+    generator: torch.Generator,
+    spins: Tensor | None = None,
 ) -> Tensor:
     """Angles ``(..., draws)`` between what a head draws from its prior and ``(..., 3, 3)``, for validation.
 
@@ -266,7 +281,8 @@ def prior_angles(
     """
     with torch.no_grad():
         out = drawn(head, condition, draws, generator)
-        return hand_angle(rotation_of(out[..., :CODE]), R_true[..., None, :, :], losses)
+        free = None if spins is None else spins[..., None]
+        return hand_angle(rotation_of(out[..., :CODE]), R_true[..., None, :, :], losses, free)
 
 
 def _reconstructed(head: CVAE, condition: Tensor, target: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:

@@ -30,7 +30,7 @@ from affordance.losses import (
 from affordance.networks import KINDS, Model, Operation
 from affordance.outlook import goal_outlook, pre_outlook
 from affordance.settings import Settings
-from affordance.views import Done, Scene, done_in, seen
+from affordance.views import Done, Scene, done_in, seen, spins
 from affordance.wrong import drawn_elsewhere, judged_token, turned_away
 
 MAPPED = 8
@@ -108,7 +108,7 @@ def _actors(
             view.seen.at(act.index), tokens.contact(act.contact), tokens.scene(view.text, view.edge)
         )
         direction, truth = tokens.direction(code_of(act.R)), act.truth
-        told["orientation_goal"] += 0.5 * orientation_loss(model.goal.orientation, at, act.R, good, *fit)
+        told["orientation_goal"] += 0.5 * orientation_loss(model.goal.orientation, at, act.R, good, *fit, spins(truth))
         told["opening_goal"] += 0.5 * opening_loss(model.goal.opening(at, direction), truth.opening, good)
         told["reach_goal"] += 0.5 * reach_loss(model.goal.reach(at, direction), act.reach, good)
         done_there = Operation(

@@ -32,7 +32,7 @@ from affordance.checkpoint import Checkpoint
 from affordance.critics import feasible
 from affordance.dataset import HAND, TURNING, spots_of, thinned
 from affordance.fitting import above_table, backed_off, centred, deepened, touching
-from affordance.frames import ROLES, Frame, cloud_of, frame_of, moved_cloud
+from affordance.frames import ROLES, Frame, cloud_of, frame_of, heading_of, moved_cloud
 from affordance.heads import drawn, joined
 from affordance.maps import AffordanceMap, MapName
 from affordance.networks import KINDS, STROKE, Contact, Model
@@ -238,7 +238,7 @@ class LearnedProposer:
         if len(view.hand):
             points[-HAND:], roles[-HAND:] = view.hand, ROLES.index("gripper")
         world, role = torch.from_numpy(points)[None], torch.from_numpy(roles)[None]
-        frame = frame_of(world, role, torch.zeros(1))
+        frame = frame_of(world, role, heading_of(world, role))
         near = surroundings(view.workcell, self.task.type, None).edge
         edge = torch.zeros(1, 4)
         if near is not None:

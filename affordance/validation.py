@@ -15,7 +15,7 @@ from affordance.heads import joined
 from affordance.losses import prior_angles
 from affordance.networks import Model
 from affordance.settings import SCALE
-from affordance.views import Done, Scene, done_in, seen
+from affordance.views import Done, Scene, done_in, seen, spins
 from affordance.wrong import judged_token, turned_away
 
 DRAWS = 16
@@ -75,7 +75,9 @@ def _goal(model: Model, scene: Scene, batch: Batch, act: Done, generator: torch.
     tokens, critics, view = model.tokens, model.critics, scene.after
     good, tried = batch.success & batch.goal.known, batch.tried & batch.goal.known
     at = model.goal.condition(view.seen.at(act.index), tokens.contact(act.contact), tokens.scene(view.text, view.edge))
-    angles = prior_angles(model.goal.orientation, at, act.R, model.settings.losses, DRAWS, generator)[good]
+    angles = prior_angles(model.goal.orientation, at, act.R, model.settings.losses, DRAWS, generator, spins(act.truth))[
+        good
+    ]
     keep("goal_close", (angles < CLOSE).float())
     keep("goal_best", (angles < CLOSE).any(dim=-1).float())
     direction = tokens.direction(code_of(act.R))

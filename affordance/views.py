@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from affordance.dataset import Batch, Hands
-from affordance.frames import Frame, cloud_of, frame_of, moved_cloud, rotation_of, turned
-from affordance.networks import Model
+from affordance.frames import Frame, cloud_of, frame_of, heading_of, moved_cloud, rotation_of, turned
+from affordance.networks import KINDS, Model
 from affordance.outlook import Look
 from affordance.pointnet2 import Encoded, Indices, gathered
 from affordance.settings import SCALE
@@ -57,9 +57,10 @@ class Done:
 
 def seen(model: Model, batch: Batch) -> Scene:
     """Encode a batch: before and after the preparation, and the object alone where it should be."""
-    frame = frame_of(batch.points, torch.zeros_like(batch.roles), batch.yaw)
-    frame_after = frame_of(batch.after, batch.roles, batch.yaw)
-    cloud = cloud_of(frame, batch.points, torch.zeros_like(batch.roles))
+    all_object = torch.zeros_like(batch.roles)
+    frame = frame_of(batch.points, all_object, heading_of(batch.points, all_object) + batch.yaw)
+    frame_after = frame_of(batch.after, batch.roles, heading_of(batch.after, batch.roles) + batch.yaw)
+    cloud = cloud_of(frame, batch.points, all_object)
     cloud_after = cloud_of(frame_after, batch.after, batch.roles)
     move = frame.moves(batch.T_move, frame.centre)
     both = _stacked(batch.indices, batch.indices_after)
@@ -146,3 +147,8 @@ def _placed(frame: Frame, points: Tensor, index: Tensor, hands: Hands) -> Done:
     reach = turned(hands.R.mT, hands.tip - contact) / SCALE
     R = rotation_of(frame.codes(hands.R))
     return Done(index, frame.points(contact[:, None])[:, 0], R, reach, hands)
+
+
+def spins(hands: Hands) -> Tensor:
+    """``(B,)`` booleans: whether a turn about the approach means nothing, as the hand presses with its tips."""
+    return hands.kind == KINDS.index("press")

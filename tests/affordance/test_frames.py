@@ -17,6 +17,7 @@ from affordance.frames import (
     code_of,
     flipped,
     frame_of,
+    heading_of,
     homogeneous,
     moved_cloud,
     rotation_of,
@@ -162,3 +163,27 @@ def test_an_anticipatory_label_keeps_the_hand_on_the_link() -> None:
     assert torch.allclose(label[:, :3, :3], paper)
     assert torch.allclose(carried(now, then, label), hand)
     assert torch.allclose(carried(then, then, hand), hand)
+
+
+def shapes() -> torch.Tensor:
+    """Long clouds ``(B, 60, 3)``, each with a longer tail at one end."""
+    along = torch.rand(B, 60, 1, generator=seeded(11), dtype=torch.float64).square()
+    return torch.cat([along, 0.2 * torch.rand(B, 60, 2, generator=seeded(12), dtype=torch.float64)], dim=-1)
+
+
+def test_the_heading_follows_the_object_and_nothing_else() -> None:
+    points, roles = shapes(), torch.zeros(B, 60, dtype=torch.long)
+    for angle in (0.0, 0.4, 2.0, -3.0):
+        there = turned(about_vertical(angle), points) + torch.tensor([3.0, -1.0, 0.5])
+        seen = cloud_of(frame_of(there, roles, heading_of(there, roles)), there, roles)
+        assert torch.allclose(seen, cloud_of(frame_of(points, roles, heading_of(points, roles)), points, roles))
+    along = seen[..., 0]
+    assert bool((along.var(dim=1) > 2.0 * seen[..., 1].var(dim=1)).all())
+    assert bool((along.pow(3).mean(dim=1) > 0.0).all())
+
+
+def test_a_gripper_in_view_does_not_turn_the_heading() -> None:
+    points, roles = shapes(), torch.zeros(B, 60, dtype=torch.long)
+    with_hand = torch.cat([points, 5.0 + torch.randn(B, 8, 3, generator=seeded(13), dtype=torch.float64)], dim=1)
+    seen = torch.cat([roles, torch.ones(B, 8, dtype=torch.long)], dim=1)
+    assert torch.allclose(heading_of(with_hand, seen), heading_of(points, roles))

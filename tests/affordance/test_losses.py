@@ -86,6 +86,19 @@ def test_half_a_turn_about_the_approach_costs_nothing_unless_the_preset_says_so(
     assert float(hand_angle(flipped(R), R, PRINTED).min()) > 3.1
 
 
+def test_where_a_spin_means_nothing_only_the_approach_counts() -> None:
+    R, other = rotations(30), rotations(30, seed=2)
+    c, s = math.cos(1.1), math.sin(1.1)
+    spun = R @ torch.tensor([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], dtype=torch.float64)
+    spins = torch.arange(30) % 2 == 0
+    angle = hand_angle(spun, R, DEFAULT, spins)
+    assert torch.allclose(angle[spins], torch.zeros(15, dtype=torch.float64), atol=1e-7)
+    assert torch.allclose(angle[~spins], torch.full((15,), 1.1, dtype=torch.float64))
+    truth = [math.acos(float(a[:, 2] @ b[:, 2])) for a, b in zip(R, other, strict=True)]
+    free = hand_angle(R, other, DEFAULT, torch.ones(30, dtype=torch.bool))
+    assert np.allclose(free.numpy(), truth, atol=1e-6)
+
+
 def test_the_divergence_is_that_of_two_normal_distributions() -> None:
     mean, log_variance = torch.randn(2, 6, 32, generator=seeded(), dtype=torch.float64)
     normal = torch.distributions.Normal

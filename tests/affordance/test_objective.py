@@ -59,6 +59,25 @@ def test_the_same_draws_give_the_same_batch(dataset: Dataset, batch: Batch) -> N
     assert not torch.equal(batch.points, other.points) or not torch.equal(batch.yaw, other.yaw)
 
 
+def test_a_batch_takes_over_the_rows_of_another(dataset: Dataset, batch: Batch) -> None:
+    kept = dataset.batch(np.random.default_rng(5), 8)
+    rows = kept.points
+    assert not torch.equal(rows, batch.points)
+    kept.take(batch)
+    assert rows is kept.points
+    assert torch.equal(rows, batch.points)
+    assert torch.equal(kept.goal.spots, batch.goal.spots)
+    assert all(torch.equal(a, b) for a, b in zip(kept.indices.neighbours, batch.indices.neighbours, strict=True))
+
+
+def test_rows_are_turned_a_little_or_around(dataset: Dataset) -> None:
+    """The heading of an object follows what the camera happens to see; networks must bear a few degrees and an end."""
+    yaw = dataset.batch(np.random.default_rng(2), 400).yaw
+    around = (yaw - math.pi).abs() < 1.0
+    assert 0.15 < float(around.float().mean()) < 0.35
+    assert float(yaw[~around].std()) == pytest.approx(0.15, abs=0.03)
+
+
 def test_a_held_object_is_seen_with_the_hand_that_holds_it(batch: Batch) -> None:
     for row in range(len(batch.yaw)):
         gripper = batch.roles[row] == 1
