@@ -7,36 +7,27 @@ stopped. The running mean labels affordances, and is what is given out in the en
 from __future__ import annotations
 
 import copy
-import functools
-import json
 import math
-import resource
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from msgspec import structs
 from torch import Tensor
 
 from affordance import checkpoint
 from affordance.checkpoint import Checkpoint
 from affordance.dataset import Batch, Dataset
-from affordance.examples import Example
 from affordance.losses import Parts, total
 from affordance.networks import Model
 from affordance.objective import parts_of
 from affordance.replay import Recorder
 from affordance.settings import Settings
-from affordance.text import Backend, text_encoder
+from affordance.text import Backend
+from affordance.trainlog import Log, Watch, interruptible
 from affordance.validation import validate
-from robots.cache import write_atomic
 from robots.errors import BadInput, TrainingDiverged
 
 CHECKPOINT, WEIGHTS, LOG = "checkpoint.safetensors", "weights.safetensors", "log.jsonl"
@@ -59,9 +50,6 @@ often Adam has moved a weight: maps are not learned in every step."""
 
 ADAM = {COUNT: "step", FIRST: "exp_avg", SECOND: "exp_avg_sq"}
 """What Adam calls these."""
-
-Watch = Callable[[int, Mapping[str, float]], None]
-"""Is told the step and the numbers of every line of the log."""
 
 LossOf = Callable[..., Parts]
 """As ``affordance.objective.parts_of``."""
@@ -273,14 +261,14 @@ def train(
     """
     last = fitting.settings.training.steps if steps is None else steps
     batches = [] if held_out is None else [batch.to(device) for batch in held_out.fixed(VALIDATED)]
-    log = _Log(folder / LOG, fitting, watch)
+    log = Log(folder / LOG, fitting.settings, fitting.step, watch)
     told: dict[str, float] = {}
     saved = time.monotonic()
-    with _interruptible() as interrupted:
+    with interruptible() as interrupted:
         while fitting.step < last and not interrupted:
             log.add(fitting.advance(dataset, device, loss_of))
             if fitting.step % LOG_EVERY == 0 or fitting.step == last:
-                log.write()
+                log.write(fitting.step, fitting.rate())
             if batches and (fitting.step % VALIDATE_EVERY == 0 or fitting.step == last):
                 generator = torch.Generator(device=device).manual_seed(fitting.seed)
                 told = validate(fitting.average, batches, generator)
@@ -295,232 +283,6 @@ def train(
     return told, log.loss
 
 
-class _Log:
-    """Means of the losses since the last line, written as lines."""
-
-    def __init__(self, path: Path, fitting: Fitting, watch: Watch) -> None:
-        self.path, self.fitting, self.watch = path, fitting, watch
-        self.loss = float("nan")
-        self._before = _cut_back(path, fitting.step)
-        self._began = time.monotonic()
-        self._sums: dict[str, float] = {}
-        self._count = 0
-
-    def add(self, parts: Parts) -> None:
-        """Take in the losses of a step."""
-        self._count += 1
-        for f in fields(Parts):
-            self._sums[f.name] = self._sums.get(f.name, 0.0) + float(getattr(parts, f.name).detach())
-
-    def write(self) -> None:
-        """Write a line of what was taken in."""
-        line = {name: value / self._count for name, value in self._sums.items()}
-        self.loss = _weighed(line, self.fitting.settings)
-        seconds = self._before + time.monotonic() - self._began
-        line |= {"loss": self.loss, "rate": self.fitting.rate(), "seconds": seconds}
-        self.append({"step": self.fitting.step, **line})
-        self.watch(self.fitting.step, line)
-        self._sums, self._count = {}, 0
-
-    def append(self, values: Mapping[str, Any]) -> None:
-        """Write any line."""
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(values) + "\n")
-
-
-@contextmanager
-def _interruptible() -> Iterator[list[int]]:
-    """A list that an interruption fills, so that it is heard between two steps; a second one is not waited for.
-
-    Outside of the main thread, where signals cannot be handled, the list stays empty.
-    """
-    heard: list[int] = []
-
-    def hear(number: int, frame: object) -> None:
-        if heard:
-            raise KeyboardInterrupt
-        heard.append(number)
-
-    if threading.current_thread() is not threading.main_thread():
-        yield heard
-        return
-    before = signal.signal(signal.SIGINT, hear)
-    try:
-        yield heard
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@dataclass(frozen=True, slots=True)
-class Fitted:
-    """How a training ended.
-
-    Attributes:
-        steps: Done in all.
-        rows: Examples learned from.
-        held_out: Examples of validation.
-        parameters: Of the networks.
-        loss: Of the last line of the log.
-        validation: Its last numbers.
-        weights: The file of weights.
-        seconds: Wall time of this call [s].
-    """
-
-    steps: int
-    rows: int
-    held_out: int
-    parameters: int
-    loss: float
-    validation: dict[str, float]
-    weights: str
-    seconds: float
-
-
-@dataclass(frozen=True, slots=True)
-class Forecast:
-    """What a training would take.
-
-    Attributes:
-        rows, held_out, parameters: As in ``Fitted``.
-        steps: Wanted.
-        megabytes: Largest memory of this process after the steps that were tried [MB].
-        seconds_per_step: Median of the steps that were tried [s].
-        hours: Of all steps.
-    """
-
-    rows: int
-    held_out: int
-    parameters: int
-    steps: int
-    megabytes: float
-    seconds_per_step: float
-    hours: float
-
-
-TRIED = 5
-"""Steps tried for a forecast, after one that warms up."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Task:
-    """What is to be fitted.
-
-    Attributes:
-        learned, held_out: Examples to learn from, and of objects kept aside.
-        settings: What is built and how.
-        seed: Decides everything drawn.
-        device: ``cpu`` or ``cuda``.
-        threads: Of the CPU.
-        adapt: Weights whose judges and maps are corrected; ``None`` trains everything from nothing.
-    """
-
-    learned: Sequence[Example]
-    held_out: Sequence[Example]
-    settings: Settings
-    seed: int
-    device: str
-    threads: int
-    adapt: Path | None
-
-    def begun(self) -> Fitting:
-        """Before the first step.
-
-        Raises:
-            BadInput: There is no CUDA, or the weights to adapt cannot be used.
-        """
-        if self.device == "cuda" and not torch.cuda.is_available():
-            raise BadInput("--device cuda: torch sees no CUDA device here; leave it out to train on the CPU.")
-        torch.set_num_threads(self.threads)
-        start = None if self.adapt is None else checkpoint.load(self.adapt)
-        if start is not None:
-            fixed = structs.replace(start.model.settings, training=self.settings.training)
-            start.model.settings = fixed
-            return begun(
-                fixed, seed=self.seed, text_backend=start.text_backend, device=self.device, start=start, adapting=True
-            )
-        return begun(self.settings, seed=self.seed, text_backend="hash", device=self.device)
-
-
-def fit(task: Task, folder: Path, watch: Watch) -> Fitted:
-    """Train in a folder, going on from the checkpoint in it, if there is one.
-
-    Raises:
-        BadInput: The checkpoint there cannot be used, or the loss stops being finite.
-    """
-    started, fitting = time.monotonic(), task.begun()
-    if (folder / CHECKPOINT).is_file():
-        found = checkpoint.load(folder / CHECKPOINT)
-        fitting.go_on_from(found)
-    encoder = text_encoder(fitting.text_backend)
-    made = functools.partial(Dataset, settings=fitting.settings, encoder=encoder, seed=task.seed, device=task.device)
-    dataset, held_out = made(task.learned), made(task.held_out) if task.held_out else None
-    told, loss = train(
-        fitting, dataset, held_out, folder, watch, device=task.device, steps=task.settings.training.steps
-    )
-    return Fitted(
-        steps=fitting.step,
-        rows=len(dataset),
-        held_out=0 if held_out is None else len(held_out),
-        parameters=_count(fitting.model),
-        loss=loss,
-        validation=told,
-        weights=str(folder / WEIGHTS),
-        seconds=round(time.monotonic() - started, 1),
-    )
-
-
-def forecast(task: Task) -> Forecast:
-    """Sizes, memory and time, from a few steps whose result is dropped."""
-    fitting = task.begun()
-    dataset = Dataset(task.learned, fitting.settings, text_encoder(fitting.text_backend), seed=task.seed)
-    spent = []
-    for _ in range(1 + TRIED):
-        began = time.perf_counter()
-        fitting.advance(dataset, task.device)
-        spent.append(time.perf_counter() - began)
-    each, steps = float(np.median(spent[1:])), task.settings.training.steps
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return Forecast(
-        len(dataset), len(task.held_out), _count(fitting.model), steps, round(peak, 1), round(each, 3),
-        round(each * steps / 3600, 2),
-    )  # fmt: skip
-
-
-def _count(model: Model) -> int:
-    return sum(weight.numel() for weight in model.parameters())
-
-
-def _weighed(parts: Mapping[str, float], settings: Settings) -> float:
-    tensors = {f.name: torch.tensor(parts[f.name]) for f in fields(Parts)}
-    return float(total(Parts(**tensors), settings.losses))
-
-
-def _cut_back(path: Path, step: int) -> float:
-    """Forget what the log says of steps after a checkpoint, and a cut off line; returns the seconds spent till then."""
-    if not path.is_file():
-        return 0.0
-    kept, seconds = [], 0.0
-    for line in path.read_text("utf-8").splitlines():
-        try:
-            row = json.loads(line)
-            if row["step"] <= step:
-                kept.append(line)
-                seconds = float(row.get("seconds", seconds))
-        except (json.JSONDecodeError, KeyError, TypeError):
-            break
-    write_atomic(path, "".join(f"{line}\n" for line in kept).encode())
-    return seconds
-
-
 def _numbers(model: Model) -> list[Tensor]:
     """Weights and running statistics of a model; not its counters of batches."""
     return [*model.parameters(), *(buffer for buffer in model.buffers() if buffer.is_floating_point())]
-
-
-def tensors_of(fitting: Fitting) -> dict[str, Tensor]:
-    """Every number that a training consists of, for comparing two."""
-    found = dict(fitting.model.state_dict()) | {f"{AVERAGE}{k}": v for k, v in fitting.average.state_dict().items()}
-    for name, weight in fitting.model.named_parameters():
-        for key, value in fitting.optimiser.state.get(weight, {}).items():
-            found[f"{key}.{name}"] = torch.as_tensor(value)
-    return found

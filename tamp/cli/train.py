@@ -34,7 +34,9 @@ class Begun(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     no_anticipation: bool
     no_object_pose: bool
     batch: int
+    start: str
     adapt: str
+    rate: float
     seed: int
     device: str
 
@@ -63,6 +65,10 @@ class Arguments:
     """The ablation that never shows the goal to the preparing arm."""
     no_object_pose: bool = False
     """The ablation without an object pose for the reorientation."""
+    start: Path | None = None
+    """Weights that the training begins with, instead of random ones."""
+    rate: float | None = None
+    """Learning rate of the first step."""
     adapt: Path | None = None
     """Weights whose critics and maps are corrected on the data, while the actors stay."""
     seed: int = 0
@@ -85,7 +91,8 @@ def run(arguments: Arguments, output: Output) -> int:
     from dataclasses import asdict
 
     from affordance.curves import write_curves
-    from affordance.train import LOG, Task, fit, forecast
+    from affordance.fit import Task, fit, forecast
+    from affordance.train import LOG
     from tamp import ledger
     from tamp.learning import examples_in
 
@@ -93,7 +100,8 @@ def run(arguments: Arguments, output: Output) -> int:
     settings = _timed(arguments, settings, len(learned))
     output.text(f"{len(learned)} examples to learn from, {len(held_out)} of objects kept aside")
     threads = arguments.threads or len(os.sched_getaffinity(0))
-    task = Task(learned, held_out, settings, arguments.seed, arguments.device, threads, arguments.adapt)
+    start, adapting = arguments.adapt or arguments.start, arguments.adapt is not None
+    task = Task(learned, held_out, settings, arguments.seed, arguments.device, threads, start, adapting)
     if arguments.dry_run:
         expected = forecast(task)
         output.text(
@@ -132,29 +140,45 @@ def _checked(arguments: Arguments) -> Settings:
     from affordance.settings import settings_of
 
     settings = settings_of(arguments.profile, arguments.preset)
+    _check_numbers(arguments)
+    _check_files(arguments)
+    for package, what in (("torch", "Training"), ("h5py", "A data set"), ("PIL", "The picture of the curves")):
+        if importlib.util.find_spec(package) is None:
+            raise MissingDependency(package.replace("PIL", "pillow"), "learn", what)
+    training = settings.training
+    batch = training.batch if arguments.batch is None else arguments.batch
+    rate = training.rate if arguments.rate is None else arguments.rate
+    return msgspec.structs.replace(
+        settings,
+        training=msgspec.structs.replace(training, batch=batch, rate=rate),
+        head=arguments.head,
+        anticipation=not arguments.no_anticipation,
+        object_pose=not arguments.no_object_pose,
+    )
+
+
+def _check_numbers(arguments: Arguments) -> None:
     for name in ("steps", "batch", "threads"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise BadInput(f"--{name} {value}: give 1 or more.")
     if arguments.steps is not None and arguments.epochs is not None:
         raise BadInput("--steps and --epochs both say how long; leave one of them out.")
-    if arguments.epochs is not None and not (math.isfinite(arguments.epochs) and arguments.epochs > 0.0):
-        raise BadInput(f"--epochs {arguments.epochs}: give a number above 0.")
     if arguments.seed < 0:
         raise BadInput(f"--seed {arguments.seed} is negative; give 0 or more.")
-    if arguments.adapt is not None and not arguments.adapt.is_file():
-        raise BadInput(f"--adapt {arguments.adapt}: there is no such file.")
-    for package, what in (("torch", "Training"), ("h5py", "A data set"), ("PIL", "The picture of the curves")):
-        if importlib.util.find_spec(package) is None:
-            raise MissingDependency(package.replace("PIL", "pillow"), "learn", what)
-    batch = settings.training.batch if arguments.batch is None else arguments.batch
-    return msgspec.structs.replace(
-        settings,
-        training=msgspec.structs.replace(settings.training, batch=batch),
-        head=arguments.head,
-        anticipation=not arguments.no_anticipation,
-        object_pose=not arguments.no_object_pose,
-    )
+    for name in ("epochs", "rate"):
+        value = getattr(arguments, name)
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise BadInput(f"--{name} {value}: give a number above 0.")
+
+
+def _check_files(arguments: Arguments) -> None:
+    for name in ("start", "adapt"):
+        path = getattr(arguments, name)
+        if path is not None and not path.is_file():
+            raise BadInput(f"--{name} {path}: there is no such file.")
+    if arguments.start is not None and arguments.adapt is not None:
+        raise BadInput("--start and --adapt both name weights to begin with; leave one of them out.")
 
 
 def _timed(arguments: Arguments, settings: Settings, examples: int) -> Settings:
@@ -174,7 +198,9 @@ def _begun(arguments: Arguments, settings: Settings) -> Begun:
         no_anticipation=arguments.no_anticipation,
         no_object_pose=arguments.no_object_pose,
         batch=settings.training.batch,
+        start=str(arguments.start or ""),
         adapt=str(arguments.adapt or ""),
+        rate=settings.training.rate,
         seed=arguments.seed,
         device=arguments.device,
     )

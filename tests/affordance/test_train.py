@@ -19,14 +19,24 @@ pytest.importorskip("h5py", reason="the extra `data` is not installed")
 from affordance import checkpoint
 from affordance.curves import series_in, write_curves
 from affordance.dataset import Dataset
+from affordance.fit import Task, fit, forecast
 from affordance.objective import parts_of
 from affordance.settings import Settings, settings_of
 from affordance.text import HashText
-from affordance.train import CHECKPOINT, LOG, WEIGHTS, Fitting, Task, begun, fit, forecast, tensors_of, train
+from affordance.train import AVERAGE, CHECKPOINT, LOG, WEIGHTS, Fitting, begun, train
 from robots.errors import BadInput, TrainingDiverged
 from tamp.learning import examples_in
 
 STORED = Path(__file__).parents[1] / "data" / "episodes"
+
+
+def tensors_of(fitting: Fitting) -> dict[str, torch.Tensor]:
+    """Every number that a training consists of, for comparing two."""
+    found = dict(fitting.model.state_dict()) | {f"{AVERAGE}{k}": v for k, v in fitting.average.state_dict().items()}
+    for name, weight in fitting.model.named_parameters():
+        for key, value in fitting.optimiser.state.get(weight, {}).items():
+            found[f"{key}.{name}"] = torch.as_tensor(value)
+    return found
 
 
 def settings(steps: int) -> Settings:
@@ -164,17 +174,25 @@ def test_adapting_changes_judges_and_maps_alone(dataset: Dataset) -> None:
 
 def test_fitting_goes_on_where_it_ended(tmp_path: Path) -> None:
     learned, kept = examples_in([STORED])
-    tasks = [Task(learned, kept, settings(steps), 0, "cpu", 1, None) for steps in (2, 4)]
+    tasks = [Task(learned, kept, settings(steps), 0, "cpu", 1, None, False) for steps in (2, 4)]
     assert fit(tasks[0], tmp_path, silent).steps == 2
     done = fit(tasks[1], tmp_path, silent)
     assert (done.steps, done.rows, done.held_out) == (4, len(learned), len(kept))
     (tmp_path / "adapted").mkdir()
-    assert fit(replace(tasks[0], adapt=Path(done.weights)), tmp_path / "adapted", silent).steps == 2
+    assert fit(replace(tasks[0], start=Path(done.weights), adapting=True), tmp_path / "adapted", silent).steps == 2
+    (tmp_path / "longer").mkdir()
+    longer = fit(replace(tasks[0], start=Path(done.weights)), tmp_path / "longer", silent)
+    actors = [
+        {n: w for n, w in checkpoint.load(Path(path)).model.state_dict().items() if n.startswith("goal.orientation.")}
+        for path in (done.weights, tmp_path / "adapted" / WEIGHTS, longer.weights)
+    ]
+    assert all(torch.equal(actors[0][n], actors[1][n]) for n in actors[0])
+    assert any(not torch.equal(actors[0][n], actors[2][n]) for n in actors[0])
 
 
 def test_a_forecast_writes_nothing_and_tells_sizes(tmp_path: Path) -> None:
     learned, kept = examples_in([STORED])
-    told = forecast(Task(learned, kept, settings(1000), 0, "cpu", 1, None))
+    told = forecast(Task(learned, kept, settings(1000), 0, "cpu", 1, None, False))
     assert told.rows == len(learned) and told.steps == 1000
     assert (
         told.parameters > 3e6
@@ -188,7 +206,7 @@ def test_a_forecast_writes_nothing_and_tells_sizes(tmp_path: Path) -> None:
 def test_an_absent_device_is_said() -> None:
     learned, kept = examples_in([STORED])
     with pytest.raises(BadInput, match="torch sees no CUDA device"):
-        forecast(Task(learned, kept, settings(1), 0, "cuda", 1, None))
+        forecast(Task(learned, kept, settings(1), 0, "cuda", 1, None, False))
 
 
 def test_weights_alone_are_no_checkpoint(tmp_path: Path) -> None:

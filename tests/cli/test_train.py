@@ -55,6 +55,8 @@ def test_a_dry_run_writes_nothing(tmp_path: Path) -> None:
             ("--data", STORED, "--out", "x", "--adapt", "none.safetensors"),
             "--adapt none.safetensors: there is no such file.",
         ),
+        (("--data", STORED, "--out", "x", "--start", "none.safetensors"), "--start none.safetensors: there is no such"),
+        (("--data", STORED, "--out", "x", "--rate", "0"), "--rate 0.0: give a number above 0."),
         (("--data", STORED, "--out", STORED + "/settings.json", "--steps", "1"), "is a file; give a folder."),
     ],
 )
