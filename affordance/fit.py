@@ -14,6 +14,7 @@ import torch
 from msgspec import structs
 
 from affordance import checkpoint
+from affordance.checkpoint import Checkpoint
 from affordance.dataset import Dataset
 from affordance.examples import Example
 from affordance.networks import Model
@@ -70,6 +71,15 @@ class Forecast:
     hours: float
 
 
+OPTIONS = {
+    "profile": "--profile",
+    "losses": "--preset",
+    "head": "--head",
+    "anticipation": "--no-anticipation",
+    "object_pose": "--no-object-pose",
+}
+"""Settings that weights to begin with bring along, and the options that ask for them."""
+
 TRIED = 5
 """Steps tried for a forecast, after one that warms up."""
 
@@ -86,6 +96,8 @@ class Task:
         threads: Of the CPU.
         start: Weights to begin with; ``None`` trains from nothing.
         adapting: Whether only judges and maps learn.
+        asked: Names of settings that were asked for, and not only taken as nothing else was said; the weights to begin
+            with must have been trained with the same.
     """
 
     learned: Sequence[Example]
@@ -96,24 +108,40 @@ class Task:
     threads: int
     start: Path | None
     adapting: bool
+    asked: tuple[str, ...] = ()
+
+    def started(self) -> Checkpoint | None:
+        """The weights to begin with, if there are any.
+
+        Raises:
+            BadInput: There is no CUDA, or the weights to begin with cannot be used or are not as asked for.
+        """
+        if self.device == "cuda" and not torch.cuda.is_available():
+            raise BadInput("--device cuda: torch sees no CUDA device here; leave it out to train on the CPU.")
+        if self.start is None:
+            return None
+        found = checkpoint.load(self.start)
+        for name in self.asked:
+            if getattr(self.settings, name) != getattr(found.model.settings, name):
+                raise BadInput(
+                    f"{self.start} was trained with another {OPTIONS[name]} than asked for; leave that option out to "
+                    "go on with what the file has, or train from nothing."
+                )
+        found.model.settings = structs.replace(found.model.settings, training=self.settings.training)
+        return found
 
     def begun(self) -> Fitting:
         """Before the first step.
 
         Raises:
-            BadInput: There is no CUDA, or the weights to begin with cannot be used.
+            BadInput: As ``started``.
         """
-        if self.device == "cuda" and not torch.cuda.is_available():
-            raise BadInput("--device cuda: torch sees no CUDA device here; leave it out to train on the CPU.")
         torch.set_num_threads(self.threads)
-        start = None if self.start is None else checkpoint.load(self.start)
-        if start is None:
-            return begun(self.settings, seed=self.seed, text_backend="hash", device=self.device)
-        start.model.settings = structs.replace(start.model.settings, training=self.settings.training)
+        start = self.started()
         return begun(
-            start.model.settings,
+            self.settings if start is None else start.model.settings,
             seed=self.seed,
-            text_backend=start.text_backend,
+            text_backend="hash" if start is None else start.text_backend,
             device=self.device,
             start=start,
             adapting=self.adapting,

@@ -73,6 +73,8 @@ class Encoder(nn.Module):
     def __init__(self, profile: Profile) -> None:
         super().__init__()
         self.profile = profile
+        self.bf16 = False
+        """Whether layers compute in bfloat16 on a CPU, as they do on a GPU."""
         widths = [CHANNELS, *(layer[-1] for layer in DOWN)]
         above = [*(layer[-1] for layer in UP[1:]), widths[-1]]
         self.down = nn.ModuleList(_layers(3 + seen, out) for seen, out in zip(widths, DOWN, strict=False))
@@ -96,9 +98,9 @@ class Encoder(nn.Module):
             indices: What ``indices_of`` gives for these clouds; without it, it is computed here.
         """
         known = indices_of(cloud[..., :3].contiguous(), self.profile) if indices is None else indices
-        # On a GPU, the layers compute in half precision with eight bits of exponent, where a loss needs no scaling;
-        # positions and whatever is made of features elsewhere stay exact.
-        with torch.autocast(cloud.device.type, dtype=torch.bfloat16, enabled=cloud.is_cuda):
+        # In half precision with eight bits of exponent a loss needs no scaling; positions and whatever is made of
+        # features elsewhere stay exact.
+        with torch.autocast(cloud.device.type, dtype=torch.bfloat16, enabled=cloud.is_cuda or self.bf16):
             points, whole = self._encoded(cloud, known)
         return Encoded(points.float(), whole.float())
 

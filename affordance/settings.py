@@ -97,6 +97,9 @@ class Training(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Largest norm of the gradient."""
     average: float = 0.998
     """Decay of the running mean of the weights that label affordances."""
+    bf16: bool = False
+    """Whether the encoders' layers compute in bfloat16 on a CPU as well: half the time where it has AVX-512 BF16 or
+    AMX, longer where it has neither."""
     dropout: float = 0.1
     """Share of rows whose goal action is hidden from the networks that follow it."""
 

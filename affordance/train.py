@@ -23,6 +23,7 @@ from affordance.dataset import Batch, Dataset
 from affordance.losses import Parts, total
 from affordance.networks import Model
 from affordance.objective import parts_of
+from affordance.pointnet2 import Encoder
 from affordance.replay import Recorder
 from affordance.settings import Settings
 from affordance.text import Backend
@@ -205,6 +206,9 @@ def begun(
     torch.manual_seed(seed)
     model = Model(settings) if start is None else copy.deepcopy(start.model)
     model.to(device)
+    for module in model.modules():
+        if isinstance(module, Encoder):
+            module.bf16 = settings.training.bf16
     learning(model, adapting=adapting)
     for name, weight in model.named_parameters():
         weight.requires_grad_(not adapting or learns_while_adapting(name))

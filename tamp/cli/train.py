@@ -28,15 +28,16 @@ if TYPE_CHECKING:
 class Begun(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """All that a training keeps when it goes on; data and steps may grow."""
 
-    profile: str
-    preset: str
-    head: str
+    profile: str | None
+    preset: str | None
+    head: str | None
     no_anticipation: bool
     no_object_pose: bool
     batch: int
     start: str
     adapt: str
     rate: float
+    bf16: bool
     seed: int
     device: str
 
@@ -55,12 +56,12 @@ class Arguments:
     """How often each example is seen, instead of --steps."""
     batch: int | None = None
     """Examples of a step."""
-    profile: str = "shipped"
-    """How many points are looked at: paper, default, cpu, shipped or test."""
-    preset: str = "default"
-    """Weights of the losses: default, sxy, biassembly or printed."""
-    head: Literal["cvae", "flow"] = "cvae"
-    """What draws orientations and poses."""
+    profile: str | None = None
+    """How many points are looked at: paper, default, cpu, shipped or test; without it shipped, or what --start has."""
+    preset: str | None = None
+    """Weights of the losses: default, sxy, biassembly or printed; without it default, or what --start has."""
+    head: Literal["cvae", "flow"] | None = None
+    """What draws orientations and poses; without it cvae, or what --start has."""
     no_anticipation: bool = False
     """The ablation that never shows the goal to the preparing arm."""
     no_object_pose: bool = False
@@ -69,6 +70,8 @@ class Arguments:
     """Weights that the training begins with, instead of random ones."""
     rate: float | None = None
     """Learning rate of the first step."""
+    bf16: bool = False
+    """Half precision in the encoders: twice as fast on a CPU with AVX-512 BF16 or AMX; a GPU always does."""
     adapt: Path | None = None
     """Weights whose critics and maps are corrected on the data, while the actors stay."""
     seed: int = 0
@@ -101,7 +104,9 @@ def run(arguments: Arguments, output: Output) -> int:
     output.text(f"{len(learned)} examples to learn from, {len(held_out)} of objects kept aside")
     threads = arguments.threads or len(os.sched_getaffinity(0))
     start, adapting = arguments.adapt or arguments.start, arguments.adapt is not None
-    task = Task(learned, held_out, settings, arguments.seed, arguments.device, threads, start, adapting)
+    task = Task(
+        learned, held_out, settings, arguments.seed, arguments.device, threads, start, adapting, _asked(arguments)
+    )
     if arguments.dry_run:
         expected = forecast(task)
         output.text(
@@ -122,6 +127,7 @@ def run(arguments: Arguments, output: Output) -> int:
             f"step {step} of {settings.training.steps}, loss {line['loss']:.3f}, about {left / 60:.0f} min left"
         )
 
+    task.started()  # what cannot be begun with is refused before there is a folder
     with ledger.claimed(arguments.out, _begun(arguments, settings)):
         try:
             done = fit(task, arguments.out, watch)
@@ -139,7 +145,7 @@ def _checked(arguments: Arguments) -> Settings:
     """What is built and how, after refusing what cannot work before anything heavy is loaded."""
     from affordance.settings import settings_of
 
-    settings = settings_of(arguments.profile, arguments.preset)
+    settings = settings_of(arguments.profile or "shipped", arguments.preset or "default")
     _check_numbers(arguments)
     _check_files(arguments)
     for package, what in (("torch", "Training"), ("h5py", "A data set"), ("PIL", "The picture of the curves")):
@@ -150,11 +156,23 @@ def _checked(arguments: Arguments) -> Settings:
     rate = training.rate if arguments.rate is None else arguments.rate
     return msgspec.structs.replace(
         settings,
-        training=msgspec.structs.replace(training, batch=batch, rate=rate),
-        head=arguments.head,
+        training=msgspec.structs.replace(training, batch=batch, rate=rate, bf16=arguments.bf16),
+        head=arguments.head or "cvae",
         anticipation=not arguments.no_anticipation,
         object_pose=not arguments.no_object_pose,
     )
+
+
+def _asked(arguments: Arguments) -> tuple[str, ...]:
+    """Settings that an option names."""
+    given = {
+        "profile": arguments.profile,
+        "losses": arguments.preset,
+        "head": arguments.head,
+        "anticipation": arguments.no_anticipation,
+        "object_pose": arguments.no_object_pose,
+    }
+    return tuple(name for name, value in given.items() if value)
 
 
 def _check_numbers(arguments: Arguments) -> None:
@@ -201,6 +219,7 @@ def _begun(arguments: Arguments, settings: Settings) -> Begun:
         start=str(arguments.start or ""),
         adapt=str(arguments.adapt or ""),
         rate=settings.training.rate,
+        bf16=settings.training.bf16,
         seed=arguments.seed,
         device=arguments.device,
     )

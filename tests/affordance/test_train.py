@@ -190,6 +190,26 @@ def test_fitting_goes_on_where_it_ended(tmp_path: Path) -> None:
     assert any(not torch.equal(actors[0][n], actors[2][n]) for n in actors[0])
 
 
+def test_what_is_asked_for_must_be_what_the_weights_to_begin_with_have(tmp_path: Path) -> None:
+    made = begun(settings(1), seed=1, text_backend="hash")
+    path = made.give_out(tmp_path)
+    task = Task([], [], settings(1), 0, "cpu", 1, path, False)
+    other = msgspec.structs.replace(settings(1), anticipation=False, head="flow")
+    assert replace(task, settings=other).begun().settings.head == "cvae"
+    assert replace(task, asked=("profile", "losses", "head", "anticipation")).begun().settings.head == "cvae"
+    for name, option in (("head", "--head"), ("anticipation", "--no-anticipation")):
+        with pytest.raises(BadInput, match=f"trained with another {option} than asked for"):
+            replace(task, settings=other, asked=(name,)).begun()
+
+
+def test_half_precision_changes_little(dataset: Dataset) -> None:
+    half = msgspec.structs.replace(settings(2), training=msgspec.structs.replace(settings(2).training, bf16=True))
+    exact, coarse = (begun(s, seed=1, text_backend="hash") for s in (settings(2), half))
+    losses = [float(f.advance(dataset, "cpu").critic_goal) for f in (exact, coarse)]
+    assert losses[0] != losses[1]
+    assert losses[0] == pytest.approx(losses[1], rel=0.05)
+
+
 def test_a_forecast_writes_nothing_and_tells_sizes(tmp_path: Path) -> None:
     learned, kept = examples_in([STORED])
     told = forecast(Task(learned, kept, settings(1000), 0, "cpu", 1, None, False))

@@ -35,6 +35,17 @@ def test_it_trains_goes_on_and_refuses_other_settings(tmp_path: Path) -> None:
     assert "was begun with --no-anticipation False, not True" in other.stderr
 
 
+def test_weights_to_begin_with_decide_what_is_built(tmp_path: Path) -> None:
+    out = tmp_path / "first"
+    assert bipre(*SMALL, "--out", str(out), "--steps", "1").returncode == 0
+    weights = str(out / "weights.safetensors")
+    refused = bipre("train", "--data", STORED, "--out", str(tmp_path / "on"), "--start", weights, "--profile", "cpu")
+    assert refused.returncode == 2
+    assert "was trained with another --profile than asked for" in refused.stderr
+    assert "Traceback" not in refused.stderr
+    assert not (tmp_path / "on").exists()
+
+
 def test_a_dry_run_writes_nothing(tmp_path: Path) -> None:
     done = bipre(*SMALL, "--out", str(tmp_path / "no"), "--dry-run", "--json")
     told = json.loads(done.stdout)
