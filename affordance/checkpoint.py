@@ -108,7 +108,7 @@ def save(
         versions=_versions(),
         digest="",
     )
-    whole = msgspec.structs.replace(header, digest=_digest(header, plain))
+    whole = msgspec.structs.replace(header, digest=_digest(msgspec.json.encode(header), plain))
     _require_safetensors()
     from safetensors.torch import save as encoded
 
@@ -138,11 +138,13 @@ def _read(path: Path) -> tuple[Header, dict[str, Tensor]]:
         raise BadInput(f"There is no model {path}.")
     try:
         with safe_open(path, framework="pt") as file:
-            header = _header(path, file.metadata() or {})
+            metadata = file.metadata() or {}
+            header = _header(path, metadata)
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
     except (SafetensorError, OSError) as error:
         raise BadInput(f"{path} cannot be read as a model: {error}.") from error
-    if _digest(msgspec.structs.replace(header, digest=""), tensors) != header.digest:
+    # What was written counts, not what it is read as: a setting that is newer than the file has its default.
+    if _digest(metadata[ENTRY].replace(header.digest, "").encode(), tensors) != header.digest:
         raise BadInput(f"The model {path} is damaged: its contents do not match the digest in its header.")
     broken = next((name for name, tensor in tensors.items() if not bool(torch.isfinite(tensor).all())), None)
     if broken is not None:
@@ -173,8 +175,9 @@ def _require_same_shapes(path: Path, wanted: Mapping[str, Tensor], found: Mappin
         )
 
 
-def _digest(header: Header, tensors: Mapping[str, Tensor]) -> str:
-    digest = hashlib.sha256(msgspec.json.encode(header))
+def _digest(header: bytes, tensors: Mapping[str, Tensor]) -> str:
+    """Of a header whose digest is empty, and of tensors."""
+    digest = hashlib.sha256(header)
     for name, tensor in sorted(tensors.items()):
         digest.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
         digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())

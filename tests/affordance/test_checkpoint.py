@@ -14,6 +14,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="torch is not installed")
 pytest.importorskip("safetensors", reason="safetensors is not installed")
 
+from safetensors import safe_open
 from safetensors.torch import save as encoded
 
 from affordance import checkpoint
@@ -119,6 +120,22 @@ def test_a_changed_header_is_noticed(written: bytes, tmp_path: Path) -> None:
     data = with_header(written, lambda entry: entry.update(surprise=1))
     with pytest.raises(BadInput, match="unknown field `surprise`"):
         checkpoint.load(file_of(tmp_path, data))
+
+
+def test_a_file_older_than_a_setting_has_its_default(model: Model, tmp_path: Path) -> None:
+    """The shipped weights must outlive the next setting; their digest is of what was written then."""
+    path = checkpoint.save(tmp_path / "model.safetensors", model, "hash", 5)
+    with safe_open(path, framework="pt") as file:
+        text = file.metadata()[checkpoint.ENTRY]
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
+    entry = json.loads(text)
+    del entry["settings"]["training"]["bf16"]
+    digest = entry["digest"]
+    older = json.dumps(entry, separators=(",", ":"))
+    unsigned = older.replace(digest, "").encode()
+    older = older.replace(digest, checkpoint._digest(unsigned, tensors))
+    path.write_bytes(encoded(tensors, {checkpoint.ENTRY: older}))
+    assert checkpoint.load(path).model.settings == model.settings
 
 
 def test_another_version_is_named(written: bytes, tmp_path: Path) -> None:
