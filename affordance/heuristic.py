@@ -21,7 +21,8 @@ from affordance.candidates import (
     SceneView,
 )
 from affordance.grip import FINGER_HALF, FINGER_THICK, SPARE, grip_at
-from affordance.preparing import Body, edge_grasps, near_edge, presses, pushes, rim_grasps
+from affordance.preparing import Body, edge_grasps, near_edge, pushes, rim_grasps
+from affordance.pressing import presses
 from robots.spatial import Array, hand_rotation, perpendicular, points, rotation_about, unit
 from robots.workcell import Gripper
 from worlds.assets.asset import FunctionalPart

@@ -2,7 +2,7 @@
 
 Push: the hand points down within 10 deg, its fingers open along the table's edge, one straight push. Thin things are
 grasped horizontally, across the exposed edge, the fingers opening vertically; a rim from underneath or from outside.
-Plate: the press is at the outer edge, the fingers opening along its tangent; the grasp is on the highest tenth.
+Plate: the grasp is on the highest tenth; the press that raises it has a file of its own.
 """
 
 from __future__ import annotations
@@ -66,12 +66,6 @@ TIGHT = 0.15
 
 LIFT = 0.17
 """How far the object is lifted [m]: 10 cm are needed, and it may sag."""
-
-PRESS_PAST = 0.004
-"""How far below the expected contact the pressing hand may go [m]; it stops at the force."""
-
-LOWEST = 0.0045
-"""Least height of the pressing finger tips above the table [m]: a rim is about as thick."""
 
 TOP_TENTH = 0.10
 """Share of a plate's highest points among which the grasp is chosen; the paper's value."""
@@ -279,69 +273,6 @@ def _meets_table(T_world_hand: pin.SE3, opening: float, edge: Edge, limit: float
 
 
 # -- plate ---------------------------------------------------------------------------------------------------------
-
-
-def presses(body: Body, gripper: Gripper, top: float, rng: np.random.Generator) -> list[ContactCandidate]:
-    """Presses straight down on the outer edge, all around, in random order."""
-    found = []
-    for azimuth in rng.uniform(0.0, 2 * np.pi) + np.linspace(0.0, 2 * np.pi, KEPT, endpoint=False):
-        radial = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        pressed = _pressed(body, radial, gripper, top, rng)
-        if pressed is not None:
-            found.append(pressed)
-    return [found[k] for k in rng.permutation(len(found))]
-
-
-def _pressed(
-    body: Body, radial: Array, gripper: Gripper, top: float, rng: np.random.Generator
-) -> ContactCandidate | None:
-    out = (body.surface - body.centre) @ radial
-    aside = np.abs((body.surface - body.centre) @ np.cross([0.0, 0.0, 1.0], radial))
-    strip = aside < 0.012
-    if not strip.any():
-        return None
-    rim = float(out[strip].max())
-    spot = body.centre + (rim - 0.009) * radial
-    footing = _footing(body.surface, spot, np.cross([0.0, 0.0, 1.0], radial), 0.0)
-    tilted = tilt_about_foot(body, radial, top)
-    if footing is None and strip.any():
-        near = strip & (np.abs(out - (rim - 0.009)) < TIP)
-        footing = float(body.surface[near, 2].max()) if near.any() else None
-    if footing is None or tilted is None:
-        return None
-    T_move, _ = tilted
-    at = np.array([spot[0], spot[1], footing])
-    sunk = T_move.act(at)
-    approach = rotation_about(radial, rng.normal(0.0, TILT)) @ np.array([0.0, 0.0, -1.0])
-    R = hand_rotation(approach, np.cross([0.0, 0.0, 1.0], radial))
-    lowest = max(float(sunk[2]) - PRESS_PAST, top + LOWEST)
-    travel = np.array([0.0, 0.0, min(lowest - float(at[2]), 0.0)])
-    return ContactCandidate(pin.SE3(R, at - gripper.tip_offset * approach), 0.0, travel, T_move, 1.0)
-
-
-def tilt_about_foot(body: Body, radial: Array, top: float) -> tuple[pin.SE3, float] | None:
-    """How the object turns when pressed at its rim in a direction: about its foot until the rim meets the table.
-
-    Returns:
-        The motion in the world frame and its angle [rad]; ``None`` where nothing stands off the table there.
-    """
-    out = (body.surface - body.centre) @ radial
-    height = body.surface[:, 2] - top
-    ahead = out > 0.0
-    low = ahead & (height < 0.002)
-    if not low.any():
-        return None
-    foot = float(out[low].max())
-    beyond = ahead & (out > foot + 0.004)
-    if not beyond.any():
-        return None
-    angle = float(np.arctan2(height[beyond], out[beyond] - foot).min())
-    if angle < 0.02:
-        return None
-    axis = np.cross([0.0, 0.0, 1.0], radial)
-    pivot = np.array([*(body.centre + foot * radial)[:2], top])
-    R = rotation_about(axis, angle)
-    return pin.SE3(R, pivot - R @ pivot), angle
 
 
 def rim_grasps(body: Body, gripper: Gripper, rng: np.random.Generator) -> list[GoalCandidate]:

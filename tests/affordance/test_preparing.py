@@ -7,10 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from affordance.candidates import GoalCandidate, Proposer, SceneView
 from affordance.heuristic import HeuristicProposer
 from affordance.preparing import near_edge
+from affordance.pressing import hull_corners, tilt_under
 from affordance.uniform import UniformProposer, completed
 from robots.workcell import Workcell
 from tamp.verify.bodies import tilt_faults
@@ -137,3 +140,51 @@ def test_the_same_draws_give_the_same_candidates(flat: Asked) -> None:
         assert [goal.T_world_hand.homogeneous.tolist() for goal in first] == [
             goal.T_world_hand.homogeneous.tolist() for goal in second
         ]
+
+
+def dish(foot: float, rim: float, height: float, knee: float = 0.0) -> np.ndarray:
+    """Points of a dish's profile: its wall, 4 mm thick, goes up from the foot, with a knee half-way if wanted."""
+    middle = 0.5 * (foot + rim)
+    out = np.linspace(foot, rim, 60)
+    low = np.interp(out, [foot, middle, rim], [0.0, 0.5 * height - knee, height])
+    level = np.linspace(-rim, foot, 60)
+    return np.concatenate(
+        [np.column_stack([x, z + lift]) for x, z in ((out, low), (level, 0.0 * level)) for lift in (0.0, 0.004)]
+    )
+
+
+@given(
+    foot=st.floats(0.04, 0.07),
+    wide=st.floats(0.03, 0.06),
+    height=st.floats(0.012, 0.03),
+    knee=st.floats(0.0, 0.005),
+    share=st.floats(0.2, 0.9),
+)
+def test_a_pressed_dish_rolls_on_the_table_and_not_into_it(
+    foot: float, wide: float, height: float, knee: float, share: float
+) -> None:
+    profile = dish(foot, foot + wide, height, knee)
+    corners = hull_corners(profile)
+    assert corners[0] == pytest.approx([foot, 0.0]) and corners[-1, 0] == pytest.approx(foot + wide)
+    tilt = tilt_under(profile, corners, foot + share * wide)
+    if tilt is None:
+        return
+    c, s = np.cos(tilt.angle), np.sin(tilt.angle)
+    moved = profile @ np.array([[c, s], [-s, c]]).T + tilt.moved
+    assert moved[:, 1].min() == pytest.approx(0.0, abs=5e-4)
+    assert tilt.last < tilt.first
+    assert tilt.doubt >= 0.0
+
+
+def test_a_dish_pressed_at_its_rim_lands_on_the_rim() -> None:
+    """From the foot at 60 mm to a rim 20 mm high at 100 mm the slope is 26.6 deg, and nothing turns it further."""
+    profile = dish(0.060, 0.100, 0.020)
+    tilt = tilt_under(profile, hull_corners(profile), 0.091)
+    assert tilt is not None
+    assert tilt.angle == pytest.approx(np.arctan2(0.020, 0.040), abs=1e-6)
+    assert tilt.doubt == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_dish_pressed_above_its_foot_does_not_turn() -> None:
+    profile = dish(0.060, 0.100, 0.020)
+    assert tilt_under(profile, hull_corners(profile), 0.045) is None
