@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Literal, get_args
 
 from msgspec import Struct
@@ -10,7 +11,7 @@ from msgspec import Struct
 from robots.errors import BadInput, UnknownName
 from tamp.bench.seeds import PER_LIST, benchmark_seeds
 from worlds.assets import library
-from worlds.assets.asset import Split
+from worlds.assets.asset import Asset, Split
 from worlds.tasks import COLUMNS, HANDOVER, TASKS, task_of
 
 Mode = Literal["E1", "E2", "E3"]
@@ -29,7 +30,9 @@ class Settings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     split: list[Split]
     asset: str
     episodes: int
-    """Of each method, mode, category and split."""
+    """Of each method, mode, category and split, or instance."""
+    every_instance: bool
+    """Whether each usable instance is tried, instead of the one that the seed chooses."""
     timeout: float
     """Wall time of one search [s]."""
     versions: dict[str, str]
@@ -46,23 +49,41 @@ class Job(Struct, frozen=True, kw_only=True):
     category: str
     split: Split
     seed: int
+    named: str | None = None
+    """The instance, where the seed does not choose it."""
 
     @property
     def key(self) -> str:
         """Its name, unique in a benchmark and usable as a folder's name."""
-        return f"{self.method}-{self.mode}-{self.category}-{self.split}-{self.seed}"
+        chosen = "" if self.named is None else f"-{self.named}"
+        return f"{self.method}-{self.mode}-{self.category}-{self.split}-{self.seed}{chosen}"
 
 
 def jobs_of(settings: Settings) -> list[Job]:
     """Every episode. The seeds' numbers are the outermost loop, so an interrupted run has some of every column."""
     return [
-        Job(method=method, mode=mode, category=category, split=split, seed=benchmark_seeds(category, split)[number])
+        Job(
+            method=method,
+            mode=mode,
+            category=category,
+            split=split,
+            seed=benchmark_seeds(category, split)[number],
+            named=named,
+        )
         for number in range(settings.episodes)
         for category in settings.categories
         for split in settings.split
+        for named in (usable(settings.asset, category, split) if settings.every_instance else (None,))
         for mode in settings.mode
         for method in settings.methods
     ]
+
+
+@cache
+def usable(asset: str, category: str, split: Split) -> tuple[str, ...]:
+    """Names of the instances of a column's objects that can be used, in order; each is built once."""
+    found = library.survey(asset, task_of(category).objects, split)
+    return tuple(each.instance for each in found if isinstance(each, Asset))
 
 
 def check_episodes(episodes: int) -> None:
@@ -100,7 +121,9 @@ def _expanded(kind: str, text: str, valid: Sequence[str], groups: dict[str, list
     return list(dict.fromkeys(names))
 
 
-def required(asset: str, wanted: list[str], splits: Sequence[Split], text: str) -> tuple[list[str], list[str]]:
+def required(
+    asset: str, wanted: list[str], splits: Sequence[Split], text: str, *, every: bool = False
+) -> tuple[list[str], list[str]]:
     """The columns for whose objects a source has instances in every split, and the others.
 
     Args:
@@ -108,6 +131,7 @@ def required(asset: str, wanted: list[str], splits: Sequence[Split], text: str) 
         wanted: Columns that are asked for.
         splits: Where instances are needed.
         text: The comma list that asked for them.
+        every: Whether each usable instance is tried: then one usable in any of the splits is enough.
 
     Raises:
         BadInput: The source cannot be used, has nothing, or lacks a column that the list names itself, not by a group.
@@ -117,7 +141,11 @@ def required(asset: str, wanted: list[str], splits: Sequence[Split], text: str) 
         category
         for category in wanted
         if (objects := task_of(category).objects) in has
-        and all(library.names(asset, objects, split) for split in splits)
+        and (
+            any(usable(asset, category, split) for split in splits)
+            if every
+            else all(library.names(asset, objects, split) for split in splits)
+        )
     ]
     absent = [category for category in wanted if category not in found]
     named = [category for category in absent if category in [word.strip() for word in text.split(",")]]

@@ -249,7 +249,7 @@ def _settings(results: Results) -> str:
     command = (
         f"bipre bench --methods {','.join(settings.methods)} --mode {','.join(settings.mode)} "
         f"--categories {','.join(settings.categories)} --split {','.join(settings.split)} --asset {settings.asset} "
-        f"--episodes {settings.episodes} --timeout {settings.timeout:g}"
+        f"--episodes {settings.episodes}{' --every-instance' * settings.every_instance} --timeout {settings.timeout:g}"
     )
     return (
         f"<h2>To repeat it</h2><p><code>{escape(command)}</code></p><p class='soft'>{escape(versions)}; "

@@ -190,13 +190,13 @@ def _plan_seconds(rows: list[Row]) -> list[float]:
 
 
 Solved = dict[tuple[object, ...], Row]
-"""Rows by method, mode, category, split and seed."""
+"""Rows by method, mode, category, split, seed and the instance that was named."""
 
 
 def _comparisons(rows: list[Row]) -> list[Comparison]:
     methods = list(dict.fromkeys(row.method for row in rows))
     modes = sorted({row.mode for row in rows})
-    solved: Solved = {(row.method, row.mode, row.category, row.split, row.seed): row for row in rows}
+    solved: Solved = {(row.method, row.mode, row.category, row.split, row.seed, row.named): row for row in rows}
     found: list[Comparison | None] = []
     scopes: list[TaskType | Literal["all"]] = ["all", *(t for t in TASK_TYPES if any(r.task_type == t for r in rows))]
     for scope in scopes:

@@ -26,6 +26,8 @@ class Row(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     task_type: TaskType
     split: Split
     seed: int
+    named: str | None = None
+    """The instance that the benchmark named, where the seed did not choose it."""
     instance: str | None
     """``None`` when the episode ended before one was chosen."""
     status: str
@@ -53,4 +55,11 @@ class Row(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def job(self) -> Job:
         """Which episode it was."""
-        return Job(method=self.method, mode=self.mode, category=self.category, split=self.split, seed=self.seed)
+        return Job(
+            method=self.method,
+            mode=self.mode,
+            category=self.category,
+            split=self.split,
+            seed=self.seed,
+            named=self.named,
+        )

@@ -58,7 +58,8 @@ def request_of(job: Job, settings: Settings, folder: Path) -> Request:
     return Request(
         category=job.category,
         asset=settings.asset,
-        split=job.split,
+        split=None if job.named else job.split,
+        instance=job.named,
         seed=job.seed,
         proposer=job.method,
         mode=job.mode,

@@ -39,6 +39,8 @@ class Arguments:
     """Where the objects come from: synthetic, partnet:DIR or mesh:DIR."""
     episodes: int = 100
     """Of each method, mode, category and split: the first so many seeds of its list."""
+    every_instance: bool = False
+    """Try each usable instance --episodes times, instead of the one that the seed chooses."""
     workers: int | None = None
     """Episodes at the same time; without it one a CPU core."""
     timeout: float = 60.0
@@ -112,7 +114,7 @@ def settings_of(arguments: Arguments) -> tuple[Settings, list[str]]:
     methods = chosen("method", arguments.methods, usable_proposers() if arguments.methods == "all" else PROPOSERS)
     for method in methods:
         check_proposer(method)
-    found, absent = required(arguments.asset, wanted, splits, arguments.categories)
+    found, absent = required(arguments.asset, wanted, splits, arguments.categories, every=arguments.every_instance)
     return Settings(
         methods=methods,
         mode=modes,
@@ -120,6 +122,7 @@ def settings_of(arguments: Arguments) -> tuple[Settings, list[str]]:
         split=splits,
         asset=arguments.asset,
         episodes=arguments.episodes,
+        every_instance=arguments.every_instance,
         timeout=arguments.timeout,
         versions=package_versions(),
         program=ledger.program_digest(),

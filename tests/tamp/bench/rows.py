@@ -20,6 +20,7 @@ def settings(**changes: Any) -> Settings:
         "categories": ["Bottle"],
         "split": ["seen", "unseen"],
         "asset": "synthetic",
+        "every_instance": False,
         "episodes": 2,
         "timeout": 60.0,
         "versions": {"ompl": "2.0.1"},

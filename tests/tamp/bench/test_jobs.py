@@ -12,7 +12,10 @@ from tamp.bench.jobs import SPLITS, chosen, chosen_categories, jobs_of, required
 from tamp.bench.paper import paper_table
 from tamp.bench.seeds import PER_LIST, RESERVED, SEED_END, benchmark_seeds, every_benchmark_seed, seed_at
 from tests.tamp.bench.rows import settings
+from worlds.assets import library
 from worlds.tasks import COLUMNS, HANDOVER, TASKS
+
+OBJECTS = Path(__file__).parents[4] / "shared/assets/objects"
 
 
 def test_the_committed_seeds_are_those_of_the_rule() -> None:
@@ -35,6 +38,15 @@ def test_every_combination_is_one_job_and_an_early_end_has_some_of_each() -> Non
     assert len({(job.method, job.mode, job.category, job.split) for job in jobs[:16]}) == 16
     for job in jobs:
         assert job.seed in benchmark_seeds(job.category, job.split)[:3]
+
+
+def test_every_instance_is_named_once_an_episode() -> None:
+    jobs = jobs_of(settings(categories=["Lighter"], episodes=2, every_instance=True))
+    assert len({job.key for job in jobs}) == len(jobs)
+    for split in SPLITS:
+        named = [job.named for job in jobs if job.split == split]
+        assert named == 2 * library.names("synthetic", "Lighter", split)
+    assert {job.seed for job in jobs} == {s for split in SPLITS for s in benchmark_seeds("Lighter", split)[:2]}
 
 
 def test_methods_and_modes_get_the_same_seeds() -> None:
@@ -101,3 +113,12 @@ def test_the_papers_table_has_its_columns_and_known_means() -> None:
             rates = [table.methods[method][column][split] for column in columns]  # type: ignore[index]
             assert sum(rates) / len(rates) == pytest.approx(mean, abs=0.06)
     assert table.rate("Ours", "Handover-Bottle", "seen") is None
+
+
+@pytest.mark.skipif(not OBJECTS.is_dir(), reason=f"{OBJECTS} is not here")
+def test_one_usable_instance_in_any_split_is_enough_to_try_every_one() -> None:
+    """The scans have one cap and no split; their bottles have no joints."""
+    wanted = ["Cap", "Bottle"]
+    assert required(f"mesh:{OBJECTS}", wanted, SPLITS, "all", every=True) == (["Cap"], ["Bottle"])
+    with pytest.raises(BadInput, match="has no seen and unseen objects for Bottle"):
+        required(f"mesh:{OBJECTS}", wanted, SPLITS, "Cap,Bottle", every=True)
