@@ -30,18 +30,17 @@ from affordance.candidates import (
 )
 from affordance.checkpoint import Checkpoint
 from affordance.critics import feasible
-from affordance.dataset import HAND, TURNING, spots_of, thinned
+from affordance.dataset import TURNING
 from affordance.fitting import above_table, backed_off, centred, deepened, touching
-from affordance.frames import ROLES, Frame, cloud_of, frame_of, heading_of, moved_cloud
+from affordance.frames import moved_cloud
 from affordance.heads import drawn, joined
 from affordance.maps import AffordanceMap, MapName
 from affordance.networks import KINDS, STROKE, Contact, Model
-from affordance.outlook import Look, look
-from affordance.pointnet2 import gathered
 from affordance.preparing import BEHIND, LIFT
 from affordance.sampling import KEPT, Drawn, Judge, distinct, hands, second_apart
 from affordance.settings import SCALE
-from affordance.stations import station, surroundings
+from affordance.sight import Eye, Sight
+from affordance.stations import station
 from affordance.text import text_encoder
 from affordance.variants import Variant
 from robots.errors import BadInput
@@ -81,28 +80,6 @@ AT_REST = 1e-9
 """A view moved by less has not been moved [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sight:
-    """A view as the networks see it.
-
-    Attributes:
-        view: The view.
-        points: ``(N, 3)`` what is left of its cloud, in the world frame [m]; the hand's last, where there is one.
-        look: What actors and critics see of them.
-        frame: Network coordinates.
-        scene: ``(1, 64)`` token of instruction and edge to the actors; ``scene_judged`` to the critics.
-        is_object: ``(N,)`` booleans.
-    """
-
-    view: SceneView
-    points: Array
-    look: Look
-    frame: Frame
-    scene: Tensor
-    scene_judged: Tensor
-    is_object: Tensor
-
-
 @dataclass
 class LearnedProposer:
     """Candidates from trained networks.
@@ -111,16 +88,15 @@ class LearnedProposer:
         name: As given to ``--proposer``.
         task: What is asked for.
         model: The networks.
-        text: ``(1, 512)`` the embedded instruction.
+        eye: What they see.
         variant: What it goes without.
     """
 
     name: str
     task: Task
     model: Model
-    text: Tensor
+    eye: Eye
     variant: Variant
-    _sights: list[Sight] = field(default_factory=list)
     _maps: dict[MapName, AffordanceMap] = field(default_factory=dict)
     _asked: tuple[SceneView, GoalCandidate] | None = None
 
@@ -129,12 +105,12 @@ class LearnedProposer:
     def goal(self, view: SceneView, rng: np.random.Generator) -> list[GoalCandidate]:
         """Where and how the primary could act: anticipatorily on the first view, finally on the predicted one."""
         with torch.no_grad():
-            sight, tokens, net = self._sight(view), self.model.tokens, self.model.goal
-            scores = self._seen(sight, net.scores(sight.look.seen.points, sight.scene)[0])
+            sight, tokens, net = self.eye.sight(view), self.model.tokens, self.model.goal
+            scores = sight.on_object(net.scores(sight.look.seen.points, sight.scene)[0])
             critics = self.model.critics
 
-            def judge(index: Tensor, contact: Tensor, codes: Tensor) -> Tensor:
-                action = self._judged_token(sight, index, contact, codes)
+            def judge(index: Tensor, codes: Tensor) -> Tensor:
+                action = self.eye.judged_token(sight, index, codes)
                 return torch.sigmoid(critics.goal(action, sight.scene_judged))
 
             found = self._hands(net, sight, sight.scene, scores, judge, rng)
@@ -152,7 +128,7 @@ class LearnedProposer:
                 made.append(goal)
         stage = "operate" if self.task.type == "articulated" else "grasp"
         if self.task.type != "handover" and not _unmoved(view):
-            made = self._by_feasibility(made, stage, [(_primary(view), c.T_world_hand) for c in made])
+            made = self._by_feasibility(sight, made, stage, [(_primary(view), c.T_world_hand) for c in made])
         if made and _unmoved(view):
             turns = np.array([goal.T_world_hand.rotation for goal in made])
             order = second_apart(turns, np.array([goal.point for goal in made]))
@@ -172,7 +148,7 @@ class LearnedProposer:
             if free is not None:
                 made.append(PregraspCandidate(free, opening, float(found.score[k])))
         side = _assistant(view)
-        made = self._by_feasibility(made, "pregrasp", [(side, c.T_world_hand) for c in made])
+        made = self._by_feasibility(sight, made, "pregrasp", [(side, c.T_world_hand) for c in made])
         self._remember("pre", sight, scores, made)
         return self._given(made)
 
@@ -188,10 +164,15 @@ class LearnedProposer:
         self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, roles: Roles, rng: np.random.Generator
     ) -> list[PoseCandidate]:
         """Where the object could be brought for the goal action."""
+        sight = self.eye.sight(view)
         moves, scores = self._moves(view, goal, grasp.T_world_hand, grasp.opening, roles.primary, rng)
         made = [PoseCandidate(T_move, score) for T_move, score in zip(moves, scores, strict=True)]
-        made = self._by_feasibility(made, "reorient", [(roles.assistant, c.T_move * grasp.T_world_hand) for c in made])
-        made = self._by_feasibility(made, "operate", [(roles.primary, c.T_move * goal.T_world_hand) for c in made])
+        made = self._by_feasibility(
+            sight, made, "reorient", [(roles.assistant, c.T_move * grasp.T_world_hand) for c in made]
+        )
+        made = self._by_feasibility(
+            sight, made, "operate", [(roles.primary, c.T_move * goal.T_world_hand) for c in made]
+        )
         self._asked = (view, goal)
         return self._given(made)
 
@@ -199,10 +180,11 @@ class LearnedProposer:
         self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, rng: np.random.Generator
     ) -> list[PoseCandidate]:
         """Where the object could be brought for a human to take it."""
+        sight = self.eye.sight(view)
         moves, scores = self._moves(view, goal, grasp.T_world_hand, grasp.opening, None, rng)
         made = [PoseCandidate(T_move, score) for T_move, score in zip(moves, scores, strict=True)]
         side = _assistant(view)
-        made = self._by_feasibility(made, "present", [(side, c.T_move * grasp.T_world_hand) for c in made])
+        made = self._by_feasibility(sight, made, "present", [(side, c.T_move * grasp.T_world_hand) for c in made])
         self._asked = (view, goal)
         return self._given(made)
 
@@ -213,71 +195,12 @@ class LearnedProposer:
             return rigid
         view, goal = self._asked
         with torch.no_grad():
-            return self._acted(self._sight(view), goal, grasp, pose)
+            return self._acted(self.eye.sight(view), goal, grasp, pose)
 
     def maps(self) -> tuple[AffordanceMap, ...]:
         """Affordance of the latest calls: before the preparation, of the assistant, and after it."""
         order: tuple[MapName, ...] = ("goal_before", "pre", "goal_after")
         return tuple(self._maps[name] for name in order if name in self._maps)
-
-    # -- what is seen ----------------------------------------------------------------------------------------------
-
-    def _sight(self, view: SceneView) -> Sight:
-        """What the networks see of a view; the latest few are remembered."""
-        for known in self._sights:
-            if known.view.cloud is view.cloud and known.view.hand is view.hand:
-                return known
-        sight = self._looked(view)
-        self._sights = [sight, *self._sights[:5]]
-        return sight
-
-    def _looked(self, view: SceneView) -> Sight:
-        count = self.model.settings.profile.points
-        points = thinned(view.cloud, count, np.random.default_rng(0))
-        roles = np.zeros(count, dtype=np.int64)
-        if len(view.hand):
-            points[-HAND:], roles[-HAND:] = view.hand, ROLES.index("gripper")
-        world, role = torch.from_numpy(points)[None], torch.from_numpy(roles)[None]
-        frame = frame_of(world, role, heading_of(world, role))
-        near = surroundings(view.workcell, self.task.type, None).edge
-        edge = torch.zeros(1, 4)
-        if near is not None:
-            on_edge, outward = torch.from_numpy(near.astype(np.float32))[:, None]
-            edge = frame.edges(on_edge, outward)
-        seen = look(self.model, cloud_of(frame, world, role), self.text, edge)
-        tokens, critics = self.model.tokens, self.model.critics
-        scene, judged = tokens.scene(self.text, edge), critics.tokens.scene(self.text, edge)
-        return Sight(view, points.astype(float), seen, frame, scene, judged, role[0] == 0)
-
-    @staticmethod
-    def _seen(sight: Sight, scores: Tensor) -> Tensor:
-        """Scores of the object's points; nan at those of a hand."""
-        return torch.where(sight.is_object, scores, torch.nan)
-
-    def _spot(self, sight: Sight, T_world_hand: pin.SE3, opening: float) -> Tensor:
-        """``(1,)`` the point at which a hand acts: of those between its pads the nearest to its tips."""
-        T = T_world_hand.homogeneous
-        tip_offset = sight.view.workcell.arm("left").gripper.tip_offset
-        mine = spots_of(sight.points, T, opening, tip_offset) & sight.is_object.numpy()
-        tip = T[:3, 3] + tip_offset * T[:3, 2]
-        away = np.linalg.norm(sight.points - tip, axis=1)
-        return torch.tensor([int(np.where(mine, away, away + 1e3).argmin())])
-
-    def _code(self, sight: Sight, T_world_hand: pin.SE3) -> Tensor:
-        return sight.frame.codes(torch.from_numpy(T_world_hand.rotation.astype(np.float32))[None])
-
-    def _token(self, sight: Sight, index: Tensor, code: Tensor) -> Tensor:
-        contact = gathered(sight.look.cloud[..., :3], index)
-        return self.model.tokens.action(sight.look.seen.at(index), contact, code)
-
-    def _judged_token(self, sight: Sight, index: Tensor, contact: Tensor, code: Tensor) -> Tensor:
-        """Token to the critics of ``(1, K)`` points with ``(1, K, D, 6)`` codes, or of ``(1,)`` with ``(1, 6)``."""
-        features = sight.look.judged.at(index)
-        if code.dim() > features.dim():
-            features, contact = (
-                part[..., None, :].expand(*code.shape[:-1], part.shape[-1]) for part in (features, contact)
-            )
-        return self.model.critics.tokens.action(features, contact, code)
 
     # -- what is drawn ---------------------------------------------------------------------------------------------
 
@@ -301,15 +224,15 @@ class LearnedProposer:
         self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator
     ) -> tuple[Drawn, Sight, Tensor]:
         with torch.no_grad():
-            sight, net, critics = self._sight(view), self.model.pre, self.model.critics
-            spot, code = self._spot(sight, goal.T_world_hand, goal.opening), self._code(sight, goal.T_world_hand)
-            shown = self.model.goal_shown(self._token(sight, spot, code))
+            sight, net, critics = self.eye.sight(view), self.model.pre, self.model.critics
+            spot, code = sight.spot(goal.T_world_hand, goal.opening), sight.code(goal.T_world_hand)
+            shown = self.model.goal_shown(self.eye.token(sight, spot, code))
             given = joined(sight.scene, shown)
-            scores = self._seen(sight, net.scores(sight.look.seen.points, given)[0])
-            aim = self._judged_token(sight, spot, gathered(sight.look.cloud[..., :3], spot), code)
+            scores = sight.on_object(net.scores(sight.look.seen.points, given)[0])
+            aim = self.eye.judged_token(sight, spot, code)
 
-            def judge(index: Tensor, contact: Tensor, codes: Tensor) -> Tensor:
-                action = self._judged_token(sight, index, contact, codes)
+            def judge(index: Tensor, codes: Tensor) -> Tensor:
+                action = self.eye.judged_token(sight, index, codes)
                 return torch.sigmoid(critics.pre(action, sight.scene_judged, aim))
 
             return self._hands(net, sight, given, scores, judge, rng), sight, scores
@@ -370,7 +293,7 @@ class LearnedProposer:
                     T = touching(T, opening, view.cloud, gripper)
             made.append(ContactCandidate(T, opening, travel, pin.SE3(np.eye(3), travel), found.score[k], start))
         side = _assistant(view)
-        made = self._by_feasibility(made, stage, [(side, c.T_world_hand) for c in made])
+        made = self._by_feasibility(sight, made, stage, [(side, c.T_world_hand) for c in made])
         if stage == "press":
             made = [self._tilted(view, goal, candidate, rng) for candidate in made[:KEPT]]
         self._remember("pre", sight, scores, made)
@@ -396,12 +319,12 @@ class LearnedProposer:
     ) -> tuple[list[pin.SE3], list[float]]:
         """Motions of the object in the world frame and how good they are, best first."""
         with torch.no_grad():
-            sight, tokens, critics = self._sight(view), self.model.tokens, self.model.critics
+            sight, tokens, critics = self.eye.sight(view), self.model.tokens, self.model.critics
             acts = [(goal.T_world_hand, goal.opening), (T_world_hand, opening)]
-            spots = [self._spot(sight, T, wide) for T, wide in acts]
-            codes = [self._code(sight, T) for T, _ in acts]
-            aim, held = (self._token(sight, spot, code) for spot, code in zip(spots, codes, strict=True))
-            place = self._place(sight, primary)
+            spots = [sight.spot(T, wide) for T, wide in acts]
+            codes = [sight.code(T) for T, _ in acts]
+            aim, held = (self.eye.token(sight, spot, code) for spot, code in zip(spots, codes, strict=True))
+            place = self.eye.place(sight, primary)
             whole = sight.look.seen.whole
             told = self.model.pose.condition(whole, tokens.place(place), sight.scene, self.model.goal_shown(aim), held)
             generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
@@ -409,13 +332,12 @@ class LearnedProposer:
             score = torch.ones(1, POSES)
             if critics.pose is not None and self.variant.ranked:
                 aim_j, held_j = (
-                    self._judged_token(sight, spot, gathered(sight.look.cloud[..., :3], spot), code)
-                    for spot, code in zip(spots, codes, strict=True)
+                    self.eye.judged_token(sight, spot, code) for spot, code in zip(spots, codes, strict=True)
                 )
                 judged = critics.pose(
                     sight.look.judged.whole,
                     moves,
-                    critics.tokens.text(self.text),
+                    critics.tokens.text(self.eye.text),
                     critics.tokens.place(place),
                     aim_j,
                     held_j,
@@ -428,24 +350,17 @@ class LearnedProposer:
         kept = distinct(T_moves[:, :3, :3], at, values)
         return [_rigid(T_moves[k]) for k in kept], [float(values[k]) for k in kept]
 
-    def _place(self, sight: Sight, primary: Side | None) -> Tensor:
-        place = surroundings(sight.view.workcell, self.task.type, primary).place
-        if place is None:
-            return torch.zeros(1, 5)
-        middle, towards = torch.from_numpy(place.astype(np.float32))[:, None]
-        return sight.frame.places(middle, towards)
-
     def _acted(self, sight: Sight, goal: GoalCandidate, grasp: PregraspCandidate, pose: PoseCandidate) -> pin.SE3:
         """Where the Reorient Actor brings the hand."""
         tokens, net = self.model.tokens, self.model.reorient
         aim, held = (
-            self._token(sight, self._spot(sight, T, opening), self._code(sight, T))
+            self.eye.token(sight, sight.spot(T, opening), sight.code(T))
             for T, opening in ((goal.T_world_hand, goal.opening), (grasp.T_world_hand, grasp.opening))
         )
         T_move = torch.from_numpy(pose.T_move.homogeneous.astype(np.float32))[None]
         move = sight.frame.moves(T_move, sight.frame.centre)
         whole = self.model.encoder(moved_cloud(sight.look.cloud, move)).whole
-        told = net.condition(sight.look.seen.whole, tokens.text(self.text), aim, held, whole)
+        told = net.condition(sight.look.seen.whole, tokens.text(self.eye.text), aim, held, whole)
         answer = net.move.decode(told, torch.zeros(1, net.move.latent))
         tool = np.array([0.0, 0.0, sight.view.workcell.arm("left").gripper.tcp_offset])
         pivot = torch.from_numpy(grasp.T_world_hand.act(tool).astype(np.float32))[None]
@@ -455,18 +370,19 @@ class LearnedProposer:
 
     # -- what is kept ----------------------------------------------------------------------------------------------
 
-    def _by_feasibility(self, made: list[Ranked], stage: str, poses: list[tuple[Side | None, pin.SE3]]) -> list[Ranked]:
+    def _by_feasibility(
+        self, sight: Sight, made: list[Ranked], stage: str, poses: list[tuple[Side | None, pin.SE3]]
+    ) -> list[Ranked]:
         """Candidates with their scores times the chance that the planner takes their hand poses, best first."""
         if not made:
             return made
         chances = np.ones(len(made))
         if self.variant.feasibility:
-            chances = self._chances(stage, poses)
+            chances = self._chances(sight, stage, poses)
         scored = [replace(c, score=float(c.score * chance)) for c, chance in zip(made, chances, strict=True)]
         return sorted(scored, key=lambda c: -c.score)[:KEPT]
 
-    def _chances(self, stage: str, poses: list[tuple[Side | None, pin.SE3]]) -> Array:
-        sight = self._sights[0]
+    def _chances(self, sight: Sight, stage: str, poses: list[tuple[Side | None, pin.SE3]]) -> Array:
         workcell = sight.view.workcell
         first = stage in ("pregrasp", "push", "press")
         each = []
@@ -517,7 +433,7 @@ def learned_proposer(name: str, task: Task, variant: Variant, weights: Path) -> 
             f"{weights} was trained with the text encoder {loaded.text_backend}; only hash can be used here."
         )
     text = torch.from_numpy(text_encoder(loaded.text_backend).encode([task.instruction]))
-    return LearnedProposer(name, task, loaded.model, text, variant)
+    return LearnedProposer(name, task, loaded.model, Eye(loaded.model, text, task.type), variant)
 
 
 @functools.lru_cache(maxsize=4)

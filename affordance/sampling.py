@@ -34,8 +34,8 @@ NEAR, ALIKE = 0.015, np.radians(15.0)
 ELSEWHERE, OTHERWISE = 0.04, np.radians(60.0)
 """Hands this far apart [m], or with approaches turned by this much [rad], act elsewhere."""
 
-Judge = Callable[[Tensor, Tensor, Tensor], Tensor]
-"""From indices ``(1, K)``, contacts ``(1, K, 3)`` and codes ``(1, K, D, 6)`` to probabilities ``(1, K, D)``."""
+Judge = Callable[[Tensor, Tensor], Tensor]
+"""From indices ``(1, K)`` and codes ``(1, K, D, 6)`` to probabilities ``(1, K, D)``."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +91,7 @@ def hands(
     where = gathered(view.cloud[..., :3], index)
     condition = contact.condition(view.seen.at(index), token(where), given)
     codes = canonical(drawn(contact.orientation, condition, DRAWS, generator, middle_first=True))
-    likely = scores[index][..., None].expand(*codes.shape[:-1]) if judge is None else judge(index, where, codes)
+    likely = scores[index][..., None].expand(*codes.shape[:-1]) if judge is None else judge(index, codes)
     told = condition[:, :, None].expand(*codes.shape[:-1], condition.shape[-1])
     turned = direction(codes)
     reach = contact.reach(told, turned)
