@@ -328,8 +328,9 @@ class LearnedProposer:
             whole = sight.look.seen.whole
             told = self.model.pose.condition(whole, tokens.place(place), sight.scene, self.model.goal_shown(aim), held)
             generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
-            moves = drawn(self.model.pose.move, told, POSES, generator, middle_first=True)
-            score = torch.ones(1, POSES)
+            count = 1 if self.model.settings.losses.zero_latent else POSES
+            moves = drawn(self.model.pose.move, told, count, generator, middle_first=True)
+            score = torch.ones(1, count)
             if critics.pose is not None and self.variant.ranked:
                 aim_j, held_j = (
                     self.eye.judged_token(sight, spot, code) for spot, code in zip(spots, codes, strict=True)
