@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -260,7 +261,7 @@ class Search:
                 return hold(cell, situation, level.arm, candidate, rng)
             case "reorient" | "present":
                 T_world_hand = self.proposer.reorient(partial.chosen[-1], candidate)
-                check = bring if level.name == "reorient" else present
+                check = bring if level.name == "reorient" else functools.partial(present, partial.chosen[-1].opening)
                 return check(cell, situation, level.arm, candidate, T_world_hand, rng)
             case "operate":
                 return act(cell, situation, level.arm, candidate, rng)

@@ -85,20 +85,28 @@ def bring(
 
 
 def present(
-    cell: Cell, situation: Situation, side: Side, pose: PoseCandidate, T_world_hand: pin.SE3, rng: np.random.Generator
+    opening: float,
+    cell: Cell,
+    situation: Situation,
+    side: Side,
+    pose: PoseCandidate,
+    T_world_hand: pin.SE3,
+    rng: np.random.Generator,
 ) -> list[Draft] | Reject:
-    """Present and release: whether the assistant can hold the object out, to let go when it is pulled."""
+    """Present and release: whether the assistant can hold the object out, to let go when it is pulled.
+
+    Fingers open as far as they were when they came to grasp, ``opening`` [m]: so far there is room beside the object.
+    """
     after = _brought(cell, situation, side, pose, T_world_hand, rng)
     if isinstance(after, Reject):
         return after
-    travel = cell.workcell.arm(side).gripper.finger_travel
     mine = touching(cell.workcell, side)
     leg = Leg(side, "free", after.q[side], HELD_SPEED, situation.setting())
     given = replace(
         after,
         holder=None,
         T_object=T_world_hand * situation.T_object,
-        openings={**after.openings, side: travel},
+        openings={**after.openings, side: opening},
         touching=mine,
     )
     q, leaving = after.q[side], given.setting()
@@ -107,7 +115,7 @@ def present(
         return back.at("release")
     letting_go = (
         Pause(side, PULL, PATIENCE, mine, side),
-        Squeeze(side, travel, physics.OPEN_FORCE, OPEN_TIME + 0.4, mine, None),
+        Squeeze(side, opening, physics.OPEN_FORCE, OPEN_TIME + 0.4, mine, None),
         Leg(side, "retreat", back, CONTACT_SPEED, leaving),
     )
     given = given.moved(side, back.points[-1], touching=())

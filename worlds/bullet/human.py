@@ -14,7 +14,7 @@ import pinocchio as pin
 from robots.spatial import Array, points, unit
 from robots.workcell import Human, Side
 from worlds import physics
-from worlds.assets.shape import collision_vertices
+from worlds.assets.shape import surface
 from worlds.bullet.client import bullet_pose
 from worlds.bullet.world import BulletWorld
 
@@ -53,6 +53,9 @@ BACK = 0.14
 
 ROOM = 0.045
 """Least distance kept from the robot's tool centre point along the reach [m]."""
+
+TURNED = np.cos(np.radians(40.0))
+"""A wrist turns sideways by so much (cosine); the hand ends about 40 deg on either side."""
 
 Phase = Literal["reach", "close", "pull", "leave", "rest"]
 
@@ -171,6 +174,9 @@ class HumanHand:
             self.phase, self._firm = "leave", STIFF
 
     def _leave(self) -> None:
+        """Draw back, and wait where something catches: the robot's hand has still to clear the object."""
+        if self.pull() > STRONGEST:
+            return
         self._offset = min(BACK, self._offset + LEAVE_SPEED * physics.STEP)
         if self._offset == BACK:
             self.phase = "rest"
@@ -198,16 +204,27 @@ def _where(world: BulletWorld, away: Array, giver: Side) -> pin.SE3:
 
     The grip is on the body, as near to the human as it goes, across the narrowest direction there.
     """
-    vertices = points(world.object_pose(), collision_vertices(world.asset)["body"])
-    reach = vertices @ away
+    # The surface, not the vertices: a long straight handle has none between its ends.
+    seen = points(world.object_pose(), surface(world.asset)["body"][0])
+    reach = seen @ away
     end = float(reach.max()) - 0.4 * PAD[1]
     at = max(end, float(world.tcp(giver) @ away) + ROOM)
-    slab = vertices[np.abs(reach - at) < 0.5 * PAD[1]]
-    slab = slab if len(slab) >= 4 else vertices[np.abs(reach - reach.max()) < PAD[1]]
-    plane = np.column_stack([np.cross(away, [0.0, 0.0, 1.0]), [0.0, 0.0, 1.0]])
+    slab = seen[np.abs(reach - at) < 0.5 * PAD[1]]
+    slab = slab if len(slab) >= 4 else seen[np.abs(reach - reach.max()) < PAD[1]]
+    along = _lengthwise(slab, away)
+    plane = np.linalg.svd(along[None])[2][1:].T
     flat = slab @ plane
     turns = np.linspace(0.0, np.pi, 12, endpoint=False)
     ways = np.column_stack([np.cos(turns), np.sin(turns)])
     across = plane @ ways[int(np.argmin(np.ptp(flat @ ways.T, axis=0)))]
     middle = plane @ (0.5 * (flat.max(axis=0) + flat.min(axis=0)))
-    return pin.SE3(np.column_stack([across, -away, np.cross(across, -away)]), np.asarray(middle + at * away))
+    ends = slab @ along
+    middle += 0.5 * (ends.max() + ends.min()) * along
+    return pin.SE3(np.column_stack([across, -along, np.cross(across, -along)]), np.asarray(middle))
+
+
+def _lengthwise(slab: Array, away: Array) -> Array:
+    """Along a handle that points about towards the human, as a wrist turns to it; towards the human where none does."""
+    axis = unit(np.linalg.svd(slab - slab.mean(axis=0), full_matrices=False)[2][0])
+    axis = axis if axis @ away > 0.0 else -axis
+    return axis if axis @ away > TURNED else away
