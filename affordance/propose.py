@@ -73,8 +73,8 @@ A pushed object may lie a centimetre from where it was expected.
 CLOSED = 0.005
 """A pushing hand drawn with less than this opening of a finger has closed fingers [m]: data sets have 0 or 10 mm on."""
 
-TURN_ON, GO_ON = 1.2, 0.004
-"""Share by which a part is turned, and length by which it is moved, beyond what is drawn [m]. How far it must move
+TURN_ON, PRESS_ON = 1.2, 0.004
+"""Share by which a part is turned, and length by which it is pressed, beyond what is drawn [m]. How far it must move
 cannot be seen: too little leaves it shut, and too much is stopped by a force or by the end of its joint.
 """
 
@@ -127,7 +127,7 @@ class LearnedProposer:
         made = []
         for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
             kind = allowed[kinds[k]]
-            amount = TURN_ON * float(amounts[k]) if kind in TURNING else STROKE * float(amounts[k]) + GO_ON
+            amount = float(amounts[k]) * (TURN_ON if kind in TURNING else STROKE) + PRESS_ON * (kind == "press")
             goal = self._goal(view, found, k, kind, [part[k] for part in parts], amount)
             if goal is not None:
                 made.append(goal)
