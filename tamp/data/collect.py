@@ -35,7 +35,7 @@ SCRATCH = "running"
 PER_SHARD = 25
 """Episodes of a shard; at some 200 kB each a shard is a few MB."""
 
-SHARD_SECONDS = 300.0
+SHARD_SECONDS = 60.0
 """A shard is written with fewer episodes when the oldest has waited this long [s]: a kill costs no more than that."""
 
 FAULT_STREAK = 20
