@@ -96,8 +96,7 @@ class Tilt:
         first, last: Height of the tips when they meet it, and when it resists.
         angle: By which it has turned then [rad].
         moved: ``(2,)`` where the point below the centre, on the table, has gone.
-        doubt: How much more that is if the object weighs a quarter of what it does at least, or how much less if it
-            weighs four times as much [rad].
+        doubt: The angle at a quarter of the expected weight less that at four times the expected weight [rad].
     """
 
     at: float
