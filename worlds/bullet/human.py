@@ -55,7 +55,8 @@ ROOM = 0.045
 """Least distance kept from the robot's tool centre point along the reach [m]."""
 
 TURNED = np.cos(np.radians(40.0))
-"""A wrist turns sideways by so much (cosine); the hand ends about 40 deg on either side."""
+"""How far the hand is turned out of its straight way to align with a handle, at most (cosine): wrist and forearm reach
+that; a thing across the way is taken straight."""
 
 Phase = Literal["reach", "close", "pull", "leave", "rest"]
 
