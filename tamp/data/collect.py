@@ -9,7 +9,6 @@ is counted, so a kill costs only those that were not in a shard: they are played
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -25,6 +24,7 @@ from robots.errors import BadRunFolder
 from tamp import ledger
 from tamp.bench.run import GRACE, SEARCHES
 from tamp.data.attempts import Attempt, EpisodeOf, Settings, attempt, play, recording_episode
+from tamp.data.pending import Pending
 from tamp.data.shards import Entry, entry_name, number_in, outcomes_in, shard_number, shard_paths, write_shard
 from tamp.pool import Done, Finished, Raised, run_all
 from tamp.record import Recorded
@@ -34,9 +34,6 @@ SCRATCH = "running"
 
 PER_SHARD = 25
 """Episodes of a shard; at some 200 kB each a shard is a few MB."""
-
-SHARD_SECONDS = 60.0
-"""A shard is written with fewer episodes when the oldest has waited this long [s]: a kill costs no more than that."""
 
 FAULT_STREAK = 20
 """A column in which so many attempts in a row came to no outcome is given up."""
@@ -148,13 +145,20 @@ def collect(
 
 
 class _Collection:
-    """What has been collected, and what is not yet in a shard."""
+    """What has been collected, and what is not yet in a shard.
+
+    Attributes:
+        ready: Dealt with and wanted, for the next shard.
+        unwanted: Dealt with; their files stay until progress beyond them is written down.
+    """
 
     def __init__(self, settings: Settings, targets: Targets, folder: Path) -> None:
         self.settings, self.targets, self.folder = settings, targets, folder
         self.progress = _progress(folder)
-        self.pending: list[Entry] = []
-        self.oldest = time.monotonic()
+        self.encoded = msgspec.json.encode(settings).decode()
+        self.ready: list[Entry] = []
+        self.unwanted: list[str] = []
+        self.pending = Pending(folder, self.encoded)
         self.next_shard = 1 + max((shard_number(path) for path in _all_shards(folder)), default=-1)
         stored: dict[str, dict[int, bool]] = {}
         for path in shard_paths(folder):
@@ -164,26 +168,49 @@ class _Collection:
         self.columns = [
             _column(category, stored.get(category, {}), self.progress.get(category)) for category in targets.categories
         ]
+        self._take_up(stored)
+
+    def _take_up(self, stored: dict[str, dict[int, bool]]) -> None:
+        """Treat what an earlier call played, but had in no shard, as if it ended now."""
+        columns = {column.category: column for column in self.columns}
+        for entry in self.pending.left:
+            category, number = number_in(entry.name)
+            column = columns.get(category)
+            if number in stored.get(category, {}) or (column is not None and number < column.attempts):
+                self.pending.drop([entry.name])  # it was dealt with, and the kill came before this
+            elif column is not None:
+                job = attempt(self.settings, category, number)
+                column.waiting[number] = Finished(job, Done(entry.recorded), 0.0)
+        for column in self.columns:
+            self._advance(column)
 
     def jobs(self) -> Iterator[Attempt]:
         """Attempts as long as any are wanted, of the columns in turn."""
         while open_columns := [c for c in self.columns if not c.met(self.targets) and not c.exhausted(self.targets)]:
             column = min(open_columns, key=lambda c: c.issued)
             column.issued += 1
-            yield attempt(self.settings, column.category, column.issued - 1)
+            if column.issued - 1 not in column.waiting:
+                yield attempt(self.settings, column.category, column.issued - 1)
 
     def take(self, finished: Finished[Attempt, Recorded]) -> Column:
         """An attempt ended: deal with it, and with those that waited for it."""
         column = next(c for c in self.columns if c.category == finished.job.category)
         column.waiting[finished.job.number] = finished
-        while (ready := column.waiting.pop(column.attempts, None)) is not None:
-            column.attempts += 1
-            self._deal_with(column, ready)
-        if len(self.pending) >= PER_SHARD or (self.pending and time.monotonic() - self.oldest > SHARD_SECONDS):
+        if isinstance(finished.ending, Done):
+            self.pending.keep(Entry(entry_name(column.category, finished.job.number), finished.ending.value))
+        self._advance(column)
+        if len(self.ready) >= PER_SHARD:
             self.write()
         else:
             self._save_progress()
         return column
+
+    def _advance(self, column: Column) -> None:
+        """Deal with the attempts whose turn it is."""
+        while (finished := column.waiting.pop(column.attempts, None)) is not None:
+            column.attempts += 1
+            self._deal_with(column, finished)
+        column.issued = max(column.issued, column.attempts)
 
     def _deal_with(self, column: Column, finished: Finished[Attempt, Recorded]) -> None:
         number = finished.job.number
@@ -193,28 +220,30 @@ class _Collection:
             column.streak += 1
             return
         column.streak, recorded = 0, finished.ending.value
+        name = entry_name(column.category, number)
         if not column.wants(recorded.success, self.targets):
+            self.unwanted.append(name)
             return
         if recorded.success:
             column.successes += 1
         else:
             column.failures += 1
-        if not self.pending:
-            self.oldest = time.monotonic()
-        self.pending.append(Entry(entry_name(column.category, number), recorded))
+        self.ready.append(Entry(name, recorded))
 
     def write(self) -> None:
-        """Put what is pending into a shard."""
-        if self.pending:
-            write_shard(self.folder, self.next_shard, self.pending, msgspec.json.encode(self.settings).decode())
+        """Put what is ready into a shard."""
+        done = [*self.unwanted, *(entry.name for entry in self.ready)]
+        if self.ready:
+            write_shard(self.folder, self.next_shard, self.ready, self.encoded)
             self.next_shard += 1
-            self.pending = []
+        self.ready, self.unwanted = [], []
         self._save_progress()
+        self.pending.drop(done)
 
     def _save_progress(self) -> None:
         """Say how far each column is; attempts from the first that is not yet in a shard on may be needed again."""
         first: dict[str, int] = {}
-        for entry in self.pending:
+        for entry in self.ready:
             category, number = number_in(entry.name)
             first[category] = min(number, first.get(category, number))
         for column in self.columns:

@@ -18,6 +18,7 @@ from tamp.bench.seeds import every_benchmark_seed
 from tamp.data import collect as collecting
 from tamp.data.attempts import EpisodeOf, Settings, attempt
 from tamp.data.collect import PROGRESS_FILE, Column, Targets, collect
+from tamp.data.pending import FOLDER as PENDING
 from tamp.data.shards import Entry, read_shard, shard_paths
 from tests.tamp.data.stubs import broken_episode, episode, slow_episode
 
@@ -105,6 +106,38 @@ def test_kills_lose_and_double_nothing(reference: dict[str, tuple[int, str]], tm
     assert holdings(tmp_path) == reference
     collected(tmp_path, wanted(), play=broken_episode)  # nothing is left to do
     assert holdings(tmp_path) == reference
+
+
+def test_kills_faster_than_a_shard_make_progress(reference: dict[str, tuple[int, str]], tmp_path: Path) -> None:
+    """Every call is killed after some episodes; none of them reaches a shard, and each goes on where the last ended."""
+    script = (
+        "import os, signal\nfrom pathlib import Path\nfrom tests.tamp.data import test_collect as t\n"
+        "class Deadly(t.Seen):\n"
+        "    left = 4\n"
+        "    def ended(self, column, seconds):\n"
+        "        self.left -= 1\n"
+        "        if not self.left:\n"
+        "            os.kill(os.getpid(), signal.SIGKILL)\n"
+        f"t.collect(t.SETTINGS, t.wanted(), Path({str(tmp_path)!r}), workers=2, watch=Deadly(),"
+        " episode=t.slow_episode)\n"
+    )
+    waiting = []
+    for _ in range(4):
+        assert subprocess.run([sys.executable, "-c", script], check=False).returncode == -signal.SIGKILL
+        waiting.append(len(list((tmp_path / PENDING).iterdir())))
+    assert waiting == [4, 8, 12, 16]
+    assert not shard_paths(tmp_path)
+    collected(tmp_path, wanted())
+    assert holdings(tmp_path) == reference
+    assert not list((tmp_path / PENDING).iterdir())
+
+
+def test_a_damaged_pending_episode_is_named(tmp_path: Path) -> None:
+    collected(tmp_path, wanted(1, 1))
+    path = tmp_path / PENDING / "shard-00000-0123456789ab.h5"
+    path.write_bytes(b"no shard")
+    with pytest.raises(BadRunFolder, match="Remove it; its episode is played again"):
+        collected(tmp_path, wanted())
 
 
 def test_an_interruption_writes_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
