@@ -41,12 +41,15 @@ NO_MOVE = (*IDENTITY, 0.0, 0.0, 0.0)
 class Operation:
     """What is done at a contact; vectors are in the frame of the hand, whichever way it is turned.
 
+    A network says it for each of the six ``KINDS``, since what it sees may leave open which of them it is: a cap that
+    is pulled off can look like one that is unscrewed. ``of`` picks one, and drops the dimension ``K``.
+
     Attributes:
         kinds: Logits ``(..., 6)`` of ``KINDS``.
-        direction: Unit vectors ``(..., 3)`` as in ``GoalCandidate``.
-        outward: Unit vectors ``(..., 3)`` as in ``GoalCandidate``.
-        point: ``(..., 3)`` as in ``GoalCandidate``, from between the finger tips, in units of ``SCALE``.
-        amount: ``(...)`` in units of ``STROKE``, or radians.
+        direction: Unit vectors ``(..., K, 3)`` as in ``GoalCandidate``.
+        outward: Unit vectors ``(..., K, 3)`` as in ``GoalCandidate``.
+        point: ``(..., K, 3)`` as in ``GoalCandidate``, from between the finger tips, in units of ``SCALE``.
+        amount: ``(..., K)`` in units of ``STROKE``, or radians.
     """
 
     kinds: Tensor
@@ -55,6 +58,16 @@ class Operation:
     point: Tensor
     amount: Tensor
 
+    def of(self, kind: Tensor) -> Operation:
+        """What is done if it is the kind of that number ``(...)``."""
+
+        def picked(values: Tensor) -> Tensor:
+            index = kind[..., None, None].expand(*kind.shape, 1, values.shape[-1])
+            return values.gather(-2, index).squeeze(-2)
+
+        amount = self.amount.gather(-1, kind[..., None]).squeeze(-1)
+        return Operation(self.kinds, picked(self.direction), picked(self.outward), picked(self.point), amount)
+
 
 class Contact(nn.Module):
     """Where one arm acts, how its hand is turned there, where its tips are and how wide it is open."""
@@ -62,7 +75,7 @@ class Contact(nn.Module):
     def __init__(self, settings: Settings, given: int) -> None:
         """Build it for ``given`` features of whatever is known beforehand."""
         super().__init__()
-        self.scorer = mlp(POINT + given, 1)
+        self.scorer, self.finder = mlp(POINT + given, 1), mlp(POINT + given, 1)
         self.orientation = _head(settings, POINT + TOKEN + given, ANY_ORIENTATION)
         self.spread = mlp(POINT + 2 * TOKEN + given, 1)
         self.offset = mlp(POINT + 2 * TOKEN + given, 3)
@@ -71,6 +84,11 @@ class Contact(nn.Module):
         """Affordance ``(B, P)`` in ``[0, 1]`` of points ``(B, P, 128)``; ``given`` is ``(B, ...)``."""
         logits: Tensor = self.scorer(joined(points, given))
         return torch.sigmoid(logits.squeeze(-1))
+
+    def places(self, points: Tensor, given: Tensor) -> Tensor:
+        """Logits ``(B, P)``, whose softmax over a cloud is the chance of each of its points that a hand acts there."""
+        logits: Tensor = self.finder(joined(points, given))
+        return logits.squeeze(-1)
 
     def condition(self, point: Tensor, contact: Tensor, given: Tensor) -> Tensor:
         """Orientations are drawn under this: features ``(..., 128)`` and token ``(..., 32)`` of a point, the given."""
@@ -92,15 +110,20 @@ class GoalAffordance(Contact):
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings, SCENE)
-        self.what = mlp(POINT + 2 * TOKEN + SCENE, len(KINDS) + 10)
+        self.what = mlp(POINT + 2 * TOKEN + SCENE, 11 * len(KINDS))
 
     def operation(self, condition: Tensor, direction: Tensor) -> Operation:
         """What is done there, for the token ``(..., 32)`` of a hand's orientation."""
         out: Tensor = self.what(joined(condition, direction))
-        kinds, way, outward, point, amount = torch.split(out, [len(KINDS), 3, 3, 3, 1], dim=-1)
+        each = out.reshape(*out.shape[:-1], len(KINDS), 11)
+        kinds, way, outward, point, amount = torch.split(each, [1, 3, 3, 3, 1], dim=-1)
         unit = nn.functional.normalize
         return Operation(
-            kinds, unit(way, dim=-1), unit(outward, dim=-1), point, nn.functional.softplus(amount.squeeze(-1))
+            kinds.squeeze(-1),
+            unit(way, dim=-1),
+            unit(outward, dim=-1),
+            point,
+            nn.functional.softplus(amount.squeeze(-1)),
         )
 
 

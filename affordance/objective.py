@@ -22,6 +22,7 @@ from affordance.losses import (
     opening_loss,
     operation_loss,
     orientation_loss,
+    place_loss,
     pose_loss,
     push_loss,
     reach_loss,
@@ -77,7 +78,7 @@ def parts_of(
 
 ACTORS = (
     "orientation_goal", "orientation_pre", "pose_object", "pose_hand", "opening_goal", "opening_pre", "reach_goal",
-    "reach_pre", "operation", "push",
+    "reach_pre", "operation", "push", "place_goal", "place_pre",
 )  # fmt: skip
 """Parts by which the actors learn."""
 
@@ -102,11 +103,12 @@ def _actors(
         "opening_goal": scene.move.new_zeros(()),
         "reach_goal": scene.move.new_zeros(()),
         "operation": scene.move.new_zeros(()),
+        "place_goal": scene.move.new_zeros(()),
     }
-    for view, act in ((scene.before, before), (scene.after, after)):
-        at = model.goal.condition(
-            view.seen.at(act.index), tokens.contact(act.contact), tokens.scene(view.text, view.edge)
-        )
+    is_object = (torch.ones_like(batch.roles, dtype=torch.bool), batch.roles == 0)
+    for view, act, allowed in zip((scene.before, scene.after), (before, after), is_object, strict=True):
+        token = tokens.scene(view.text, view.edge)
+        at = model.goal.condition(view.seen.at(act.index), tokens.contact(act.contact), token)
         direction, truth = tokens.direction(code_of(act.R)), act.truth
         told["orientation_goal"] += 0.5 * orientation_loss(model.goal.orientation, at, act.R, good, *fit, spins(truth))
         told["opening_goal"] += 0.5 * opening_loss(model.goal.opening(at, direction), truth.opening, good)
@@ -118,7 +120,11 @@ def _actors(
             truth.point,
             truth.amount,
         )
-        told["operation"] += 0.5 * operation_loss(model.goal.operation(at, direction), done_there, good, losses)
+        told["operation"] += 0.5 * operation_loss(
+            model.goal.operation(at, direction).of(truth.kind), done_there, good, losses
+        )
+        places = model.goal.places(view.seen.points, token)
+        told["place_goal"] += 0.5 * place_loss(places, batch.goal.spots, allowed, good)
     goal, goal_shown, assisted = _acts_shown(model, scene, before, pre, settings, batch, generator)
     view = scene.before
     given = joined(tokens.scene(view.text, view.edge), goal_shown)
@@ -132,6 +138,9 @@ def _actors(
     return told | {
         "orientation_pre": orientation_loss(model.pre.orientation, at, pre.R, fair, *fit),
         "opening_pre": opening_loss(model.pre.opening(at, direction), truth.opening, fair),
+        "place_pre": place_loss(
+            model.pre.places(view.seen.points, given), batch.pre.spots, torch.ones_like(batch.pre.spots), fair
+        ),
         "reach_pre": reach_loss(model.pre.reach(at, direction), pre.reach, fair),
         "push": push_loss(
             model.pre.push(at, direction), heading, truth.amount, truth.behind, batch.pushed, fair & ~batch.lifted

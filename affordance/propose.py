@@ -37,7 +37,7 @@ from affordance.heads import drawn, joined
 from affordance.maps import AffordanceMap, MapName
 from affordance.networks import KINDS, STROKE, Contact, Model
 from affordance.preparing import BEHIND, LIFT
-from affordance.sampling import KEPT, Drawn, Judge, distinct, hands, second_apart
+from affordance.sampling import KEPT, Drawn, Judge, Promise, distinct, hands, promise, second_apart
 from affordance.settings import SCALE
 from affordance.sight import Eye, Sight
 from affordance.stations import station
@@ -78,6 +78,9 @@ TURN_ON, PRESS_ON = 1.2, 0.004
 cannot be seen: too little leaves it shut, and too much is stopped by a force or by the end of its joint.
 """
 
+UNLIKELY = 0.2
+"""A final operation is also proposed as another kind than the likeliest, if that has this chance at least."""
+
 SHOWN = 5
 """Hands that a map shows."""
 
@@ -111,34 +114,40 @@ class LearnedProposer:
         """Where and how the primary could act: anticipatorily on the first view, finally on the predicted one."""
         with torch.no_grad():
             sight, tokens, net = self.eye.sight(view), self.model.tokens, self.model.goal
-            scores = sight.on_object(net.scores(sight.look.seen.points, sight.scene)[0])
-            critics = self.model.critics
+            promised, critics = promise(net, sight.look.seen.points, sight.scene, sight.is_object), self.model.critics
 
             def judge(index: Tensor, codes: Tensor) -> Tensor:
                 action = self.eye.judged_token(sight, index, codes)
                 return torch.sigmoid(critics.goal(action, sight.scene_judged))
 
-            found = self._hands(net, sight, sight.scene, scores, judge, rng)
+            found = self._hands(net, sight, sight.scene, promised, judge, rng)
             operation = net.operation(found.condition, tokens.direction(found.code))
             allowed = KINDS_OF[self.task.type]
-            kinds = operation.kinds[:, [KINDS.index(kind) for kind in allowed]].argmax(dim=1).tolist()
+            numbers = [KINDS.index(kind) for kind in allowed]
+            likely = torch.softmax(operation.kinds[:, numbers], dim=1).numpy().astype(float)
             parts = [part.numpy().astype(float) for part in (operation.direction, operation.outward, operation.point)]
-            amounts = operation.amount.numpy()
+            amounts = operation.amount.numpy().astype(float)
         made = []
         for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
-            kind = allowed[kinds[k]]
-            amount = float(amounts[k]) * (TURN_ON if kind in TURNING else STROKE) + PRESS_ON * (kind == "press")
-            goal = self._goal(view, found, k, kind, [part[k] for part in parts], amount)
-            if goal is not None:
-                made.append(goal)
+            least = likely[k].max() if _unmoved(view) else min(likely[k].max(), UNLIKELY)
+            for kind, number, chance in zip(allowed, numbers, likely[k], strict=True):
+                if chance < least:
+                    continue
+                amount = float(amounts[k, number]) * (TURN_ON if kind in TURNING else STROKE) + PRESS_ON * (
+                    kind == "press"
+                )
+                goal = self._goal(view, found, k, kind, [part[k, number] for part in parts], amount)
+                if goal is not None:
+                    made.append(replace(goal, score=float(goal.score * chance)))
         stage = "operate" if self.task.type == "articulated" else "grasp"
         if self.task.type != "handover" and not _unmoved(view):
             made = self._by_feasibility(sight, made, stage, [(_primary(view), c.T_world_hand) for c in made])
+        made.sort(key=lambda candidate: -candidate.score)
         if made and _unmoved(view):
             turns = np.array([goal.T_world_hand.rotation for goal in made])
             order = second_apart(turns, np.array([goal.point for goal in made]))
             made = [made[k] for k in order]
-        self._remember("goal_before" if _unmoved(view) else "goal_after", sight, scores, made)
+        self._remember("goal_before" if _unmoved(view) else "goal_after", sight, promised.both, made)
         return self._given(made)
 
     def pregrasp(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[PregraspCandidate]:
@@ -210,7 +219,7 @@ class LearnedProposer:
     # -- what is drawn ---------------------------------------------------------------------------------------------
 
     def _hands(
-        self, net: Contact, sight: Sight, given: Tensor, scores: Tensor, judge: Judge, rng: np.random.Generator
+        self, net: Contact, sight: Sight, given: Tensor, promised: Promise, judge: Judge, rng: np.random.Generator
     ) -> Drawn:
         tokens = self.model.tokens
         return hands(
@@ -220,7 +229,7 @@ class LearnedProposer:
             given,
             sight.look,
             sight.frame,
-            scores,
+            promised,
             judge if self.variant.ranked else None,
             rng,
         )
@@ -233,14 +242,14 @@ class LearnedProposer:
             spot, code = sight.spot(goal.T_world_hand, goal.opening), sight.code(goal.T_world_hand)
             shown = self.model.goal_shown(self.eye.token(sight, spot, code))
             given = joined(sight.scene, shown)
-            scores = sight.on_object(net.scores(sight.look.seen.points, given)[0])
+            promised = promise(net, sight.look.seen.points, given, sight.is_object)
             aim = self.eye.judged_token(sight, spot, code)
 
             def judge(index: Tensor, codes: Tensor) -> Tensor:
                 action = self.eye.judged_token(sight, index, codes)
                 return torch.sigmoid(critics.pre(action, sight.scene_judged, aim))
 
-            return self._hands(net, sight, given, scores, judge, rng), sight, scores
+            return self._hands(net, sight, given, promised, judge, rng), sight, promised.both
 
     def _goal(
         self,

@@ -61,6 +61,31 @@ class Drawn:
     score: np.ndarray
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Promise:
+    """How promising the points of a cloud are, ``(N,)`` each; nan where none may act.
+
+    Attributes:
+        affordance: How well it goes there.
+        chance: How often hands act there, as a share of where they do so most.
+    """
+
+    affordance: Tensor
+    chance: Tensor
+
+    @property
+    def both(self) -> Tensor:
+        """Affordance of points, less where hands seldom act."""
+        return self.affordance * self.chance.sqrt()
+
+
+def promise(contact: Contact, points: Tensor, given: Tensor, allowed: Tensor) -> Promise:
+    """How promising points with features ``(1, N, 128)`` are, of which ``allowed`` ``(N,)`` may be acted at."""
+    logits = torch.where(allowed, contact.places(points, given)[0], -torch.inf)
+    chance = (logits - logits.max()).exp()
+    return Promise(*(torch.where(allowed, values, torch.nan) for values in (contact.scores(points, given)[0], chance)))
+
+
 def hands(
     contact: Contact,
     direction: Callable[[Tensor], Tensor],
@@ -68,11 +93,11 @@ def hands(
     given: Tensor,
     view: Look,
     frame: Frame,
-    scores: Tensor,
+    promised: Promise,
     judge: Judge | None,
     rng: np.random.Generator,
 ) -> Drawn:
-    """Hands at points of good affordance.
+    """Hands at promising points.
 
     Args:
         contact: Who draws.
@@ -81,17 +106,18 @@ def hands(
         given: ``(1, G)`` what the drawing network is told besides.
         view: One cloud.
         frame: Its coordinates.
-        scores: ``(N,)`` affordance of its points; nan where none may act.
-        judge: Who judges; without it, the affordance of the point is the score.
+        promised: How promising its points are.
+        judge: Who judges; without it, the affordance of the point stands for what it would say.
         rng: Decides every draw.
     """
-    spots = chosen_spots(scores, rng)
+    spots = chosen_spots(promised.both, rng)
     index = spots[None]
     generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
     where = gathered(view.cloud[..., :3], index)
     condition = contact.condition(view.seen.at(index), token(where), given)
     codes = canonical(drawn(contact.orientation, condition, DRAWS, generator, middle_first=True))
-    likely = scores[index][..., None].expand(*codes.shape[:-1]) if judge is None else judge(index, codes)
+    likely = promised.affordance[index][..., None].expand(*codes.shape[:-1]) if judge is None else judge(index, codes)
+    likely = likely * promised.chance[index].sqrt()[..., None]
     told = condition[:, :, None].expand(*codes.shape[:-1], condition.shape[-1])
     turned = direction(codes)
     reach = contact.reach(told, turned)

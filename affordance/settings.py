@@ -58,6 +58,8 @@ class Losses(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Of where the finger tips are; an error of 10 mm is 0.04 in units of ``SCALE``."""
     w_operation: float = 1.0
     w_push: float = 1.0
+    w_place: float = 0.5
+    """Of where hands act; a chance of a tenth costs 2.3."""
     w_affordance: float = 1.0
     w_critic: float = 1.0
     w_feasibility: float = 1.0

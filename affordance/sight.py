@@ -45,10 +45,6 @@ class Sight:
     scene_judged: Tensor
     is_object: Tensor
 
-    def on_object(self, scores: Tensor) -> Tensor:
-        """Scores ``(N,)`` of the object's points; nan at those of a hand."""
-        return torch.where(self.is_object, scores, torch.nan)
-
     def spot(self, T_world_hand: pin.SE3, opening: float) -> Tensor:
         """``(1,)`` the point at which a hand acts: of those between its pads the nearest to its tips."""
         T = T_world_hand.homogeneous

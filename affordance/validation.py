@@ -14,6 +14,7 @@ from affordance.frames import code_of
 from affordance.heads import joined
 from affordance.losses import prior_angles
 from affordance.networks import Model
+from affordance.pointnet2 import gathered
 from affordance.settings import SCALE
 from affordance.views import Done, Scene, done_in, seen, spins
 from affordance.wrong import judged_token, turned_away
@@ -24,6 +25,9 @@ DRAWS = 16
 CLOSE = np.radians(20.0)
 """An orientation that is off by less counts as right [rad]."""
 
+THERE = 0.03
+"""A point this close to where the hand acted counts as the same place [m]."""
+
 Keep = Callable[[str, Tensor], None]
 """Is given the values of some rows under a name."""
 
@@ -33,7 +37,8 @@ def validate(model: Model, batches: list[Batch], generator: torch.Generator) -> 
 
     Draws come from the prior: ``goal_close`` and ``pre_close`` are the shares of drawn orientations within 20 deg of
     what was done, ``goal_best`` the share of rows with one such draw among 16; ``reach_goal`` the mean error of the
-    finger tips [mm]; ``kind`` the share of operations that are named right; the AUROC of the critics compare what
+    finger tips [mm]; ``place_goal`` the share of objects at whose likeliest point, or within 3 cm of it, the primary
+    acted; ``kind`` the share of operations that are named right; the AUROC of the critics compare what
     worked with what did not, and with a hand turned away; ``ece`` is the expected calibration error of the goal
     critic; ``feasible_auroc`` compares what the planner took with what it refused.
     """
@@ -51,7 +56,7 @@ def validate(model: Model, batches: list[Batch], generator: torch.Generator) -> 
     found = {name: torch.cat(values) for name, values in rows.items()}
     told = {
         name: float(found[name].mean())
-        for name in ("goal_close", "goal_best", "pre_close", "reach_goal", "reach_pre", "kind")
+        for name in ("goal_close", "goal_best", "pre_close", "reach_goal", "reach_pre", "place_goal", "kind")
         if len(found.get(name, []))
     }
     for name in ("goal_auroc", "goal_turned_auroc", "pre_turned_auroc", "feasible_auroc"):
@@ -83,6 +88,10 @@ def _goal(model: Model, scene: Scene, batch: Batch, act: Done, generator: torch.
     direction = tokens.direction(code_of(act.R))
     keep("reach_goal", _millimetres(model.goal.reach(at, direction), act)[good])
     operation = model.goal.operation(at, direction)
+    places = model.goal.places(view.seen.points, tokens.scene(view.text, view.edge))
+    best = places.masked_fill(batch.roles != 0, -torch.inf).argmax(dim=1)
+    off = SCALE * torch.linalg.vector_norm(gathered(view.cloud[..., :3], best) - act.contact, dim=-1)
+    keep("place_goal", (off < THERE).float()[good])
     keep("kind", (operation.kinds.argmax(-1) == act.truth.kind)[good].float())
     told = critics.tokens.scene(view.text, view.edge)
     true, away = (

@@ -17,8 +17,8 @@ from affordance.views import Done
 ELSEWHERE = 0.16
 """A wrong point is at least this far from the right one, in units of ``affordance.settings.SCALE``: 4 cm."""
 
-OTHERS = 4
-"""Wrong points of each row."""
+OTHERS = 32
+"""Wrong points of each row: with four, critics hardly told the ends of a pen apart."""
 
 TURNED = (0.9, np.pi)
 """A hand turned away on purpose is turned by this much [rad]."""

@@ -33,6 +33,9 @@ MOST_ROUNDS = 6
 HOPELESS: frozenset[Cause] = frozenset({"fell", "diverged"})
 """Failures after which nothing is tried again."""
 
+IN_VAIN: frozenset[Cause] = frozenset({"not_moved", "force"})
+"""Failures of the goal action that speak for another kind of it: a cap that cannot be pulled off may be unscrewed."""
+
 
 @dataclass(frozen=True, slots=True)
 class Spent:
@@ -114,7 +117,10 @@ def _next_round(
         if (current.folder / name).is_file():
             shutil.move(current.folder / name, aside / name)
     observe.save(observation, current.folder)
-    return Round(current.subject, observation, current.folder, current.number + 1)
+    failed = current.failed
+    if current.plan is not None and outcome.failure is not None and outcome.failure.reason in IN_VAIN:
+        failed = (*failed, current.plan.operation.kind)
+    return Round(current.subject, observation, current.folder, current.number + 1, failed)
 
 
 def seen_state(workcell: Workcell, task: Task, observation: Observation, pushes: int) -> State:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from affordance.candidates import GoalCandidate, PoseCandidate, Proposer, Roles, SceneView
+from affordance.candidates import GoalCandidate, OperationKind, PoseCandidate, Proposer, Roles, SceneView
 from robots.workcell import Side
 from tamp.drafts import Draft, Reject, Situation
 from tamp.plan import StageName
@@ -153,6 +153,7 @@ class Search:
         situation: What was observed, and where the arms are.
         seed: Decides every draw.
         budget: Limits.
+        failed: Kinds of goal action that were executed in vain before; candidates of others come first.
         rejections: Every candidate dropped so far.
         tried: Skeletons in the order tried.
     """
@@ -163,6 +164,7 @@ class Search:
     situation: Situation
     seed: int
     budget: Budget
+    failed: tuple[OperationKind, ...] = ()
     rejections: list[Rejection] = field(default_factory=list)
     tried: list[Skeleton] = field(default_factory=list)
     _object_hits: Counter[tuple[int, int]] = field(default_factory=Counter)
@@ -250,7 +252,7 @@ class Search:
             case "press":
                 return proposer.press(view, goal, rng)
             case "goal":
-                return proposer.goal(view, rng)
+                return sorted(proposer.goal(view, rng), key=lambda candidate: candidate.kind in self.failed)
             case unknown:
                 raise ValueError(f"no sampler {unknown}")
 

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from affordance.candidates import GoalCandidate, Proposer, SceneView
+from affordance.candidates import GoalCandidate, OperationKind, Proposer, SceneView
 from affordance.maps import ShowsMaps, save_maps
 from planners import motion as free_motion
 from planners import timing
@@ -98,6 +98,7 @@ class Round:
         observation: What was seen.
         folder: Where plan and trace go.
         number: Of the round, from 0; changes every draw.
+        failed: Kinds of goal action that earlier rounds tried in vain; others come first now.
         plan: What was found.
         search: The search, once begun.
         unsolved: How it ended without a plan.
@@ -107,6 +108,7 @@ class Round:
     observation: Observation
     folder: Path
     number: int = 0
+    failed: tuple[OperationKind, ...] = ()
     plan: Plan | None = None
     search: Search | None = None
     unsolved: Unsolved | None = None
@@ -124,7 +126,7 @@ class Round:
         T_world_object = pose(np.round(self.observation.cloud.mean(axis=0), 9))
         view = SceneView(subject.workcell, self.observation.cloud, pin.SE3.Identity(), np.zeros((0, 3)))
         seed = subject.seed + 1_000_003 * self.number
-        self.search = _search(subject, view, T_world_object, proposer, seed)
+        self.search = _search(subject, view, T_world_object, proposer, seed, self.failed)
         first = proposer.goal(view, np.random.default_rng(seed))
         operators = (ALONE if subject.alone else OPERATORS)[subject.task.type]
         found = skeletons(subject.task.type, initial, operators=operators, repeats=subject.pushes)
@@ -219,7 +221,14 @@ def _operation(goal: GoalCandidate) -> Operation:
     return Operation(kind=goal.kind, amount=goal.amount)
 
 
-def _search(subject: Subject, view: SceneView, T_world_object: pin.SE3, proposer: Proposer, seed: int) -> Search:
+def _search(
+    subject: Subject,
+    view: SceneView,
+    T_world_object: pin.SE3,
+    proposer: Proposer,
+    seed: int,
+    failed: tuple[OperationKind, ...],
+) -> Search:
     """A search that knows the observation, the workcell and what the proposer says, and nothing else."""
     workcell, collisions = view.workcell, subject.collisions
     hulls = observed_hulls(view.cloud, workcell.table.top)
@@ -228,4 +237,4 @@ def _search(subject: Subject, view: SceneView, T_world_object: pin.SE3, proposer
     travel = workcell.arm("left").gripper.finger_travel
     home = {side: subject.arms[side].home for side in SIDES}
     situation = Situation(view, home, dict.fromkeys(SIDES, travel), None, T_world_object, ())
-    return Search(proposer, cell, Timeline(cell), situation, seed, subject.budget)
+    return Search(proposer, cell, Timeline(cell), situation, seed, subject.budget, failed)

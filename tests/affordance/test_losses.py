@@ -27,6 +27,7 @@ from affordance.losses import (
     opening_loss,
     operation_loss,
     orientation_loss,
+    place_loss,
     pose_loss,
     prior_angles,
     push_loss,
@@ -201,6 +202,30 @@ def test_an_operation_is_judged_by_kind_directions_point_and_amount() -> None:
     assert less == pytest.approx(2.0 * 0.7 * 0.5) and more == pytest.approx(2.0 * 0.3 * 0.5)
 
 
+def test_an_operation_is_picked_by_its_kind() -> None:
+    kinds, amount = torch.zeros(2, 6), torch.arange(12.0).reshape(2, 6)
+    ways = torch.nn.functional.one_hot(torch.arange(6) % 3, 3).float().expand(2, 6, 3)
+    picked = Operation(kinds, ways, -ways, 2.0 * ways, amount).of(torch.tensor([1, 5]))
+    assert picked.direction.tolist() == [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    assert picked.outward.tolist() == (-picked.direction).tolist()
+    assert picked.point.tolist() == (2.0 * picked.direction).tolist()
+    assert picked.amount.tolist() == [1.0, 11.0]
+
+
+def test_a_place_is_judged_by_the_chance_of_all_points_where_the_hand_acted() -> None:
+    logits = torch.log(torch.tensor([[0.1, 0.2, 0.3, 0.4], [0.1, 0.2, 0.3, 0.4], [0.7, 0.1, 0.1, 0.1]]))
+    acted = torch.tensor([[True, True, False, False], [False, False, False, True], [False] * 4])
+    allowed = torch.tensor([[True] * 4, [False, True, False, True], [True] * 4])
+    every, one = torch.tensor([True, True, True]), torch.tensor([False, True, False])
+    assert float(place_loss(logits, acted, allowed, one)) == pytest.approx(-math.log(0.4 / 0.6), rel=1e-5)
+    both = -0.5 * (math.log(0.3) + math.log(0.4 / 0.6))  # the last row was seen acting nowhere
+    assert float(place_loss(logits, acted, allowed, every)) == pytest.approx(both, rel=1e-5)
+    learned = logits.clone().requires_grad_()
+    place_loss(learned, acted, allowed, every).backward()
+    assert bool((learned.grad[0, :2] < 0.0).all()) and bool((learned.grad[0, 2:] > 0.0).all())
+    assert not bool(learned.grad[2].any()) and float(learned.grad[1, 0]) == 0.0
+
+
 def test_affordance_is_the_mean_of_the_best_judgements_and_teaches_no_critic() -> None:
     probability = torch.tensor([[0.9, 0.1, 0.5, 0.7], [0.2, 0.2, 0.2, 0.2]])
     logits = torch.logit(probability).requires_grad_()
@@ -237,10 +262,12 @@ def test_a_preparation_is_worth_half_the_outcome_and_half_the_outlook() -> None:
 
 
 def test_the_total_weighs_every_part() -> None:
-    ones = Parts(*(torch.tensor(1.0) for _ in range(16)))
-    assert float(total(ones, DEFAULT)) == 14 + 2 * DEFAULT.w_reach
-    assert float(total(ones, PRESETS["biassembly"])) == pytest.approx(9 + 2 * DEFAULT.w_reach + 5 * 0.01)
-    names = ("orientation", "pose", "opening", "reach", "operation", "push", "critic", "feasibility")
+    ones = Parts(*(torch.tensor(1.0) for _ in range(18)))
+    assert float(total(ones, DEFAULT)) == 14 + 2 * DEFAULT.w_reach + 2 * DEFAULT.w_place
+    assert float(total(ones, PRESETS["biassembly"])) == pytest.approx(
+        9 + 2 * DEFAULT.w_reach + 2 * DEFAULT.w_place + 5 * 0.01
+    )
+    names = ("orientation", "pose", "opening", "reach", "operation", "push", "place", "critic", "feasibility")
     off = {f"w_{name}": 0.0 for name in names}
     alone = msgspec.structs.replace(DEFAULT, **off)
     assert float(total(ones, alone)) == 2.0

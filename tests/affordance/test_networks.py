@@ -22,6 +22,7 @@ from affordance.losses import (
     opening_loss,
     operation_loss,
     orientation_loss,
+    place_loss,
     pose_loss,
     push_loss,
     reach_loss,
@@ -253,7 +254,7 @@ def parts_of(model: Model, step: int, generator: torch.Generator) -> Parts:
     scene_c, text_c, labels = critics.tokens.scene(TEXT, EDGE), critics.tokens.text(TEXT), torch.tensor([1.0, 0.0, 1.0])
     wanted, seen_all = torch.tensor([[0.9, 0.1, 0.2, 0.3]] * B), torch.ones(B, K, dtype=torch.bool)
     checked = critics.feasibility(torch.ones(B, STATION), view.judged.at(index))
-    fit = (losses, step, generator)
+    fit, spots = (losses, step, generator), torch.arange(256).expand(B, 256) < 9
     return Parts(
         orientation_goal=orientation_loss(model.goal.orientation, at_goal, R, every, *fit),
         orientation_pre=orientation_loss(model.pre.orientation, at_pre, R, every, *fit),
@@ -269,8 +270,12 @@ def parts_of(model: Model, step: int, generator: torch.Generator) -> Parts:
         opening_pre=opening_loss(model.pre.opening(at_pre, direction), torch.full((B,), 0.03), every),
         reach_goal=reach_loss(model.goal.reach(at_goal, direction), torch.full((B, 3), 0.1), every),
         reach_pre=reach_loss(model.pre.reach(at_pre, direction), torch.full((B, 3), 0.1), every),
-        operation=operation_loss(model.goal.operation(at_goal, direction), operation(), every, losses),
+        operation=operation_loss(
+            model.goal.operation(at_goal, direction).of(torch.tensor([0, 1, 2])), operation(), every, losses
+        ),
         push=push_loss(model.pre.push(at_pre, direction), heading, torch.full((B,), 0.4), every, every, every),
+        place_goal=place_loss(model.goal.places(view.seen.points, scene), spots, torch.ones_like(spots), every),
+        place_pre=place_loss(model.pre.places(view.seen.points, given), spots, torch.ones_like(spots), every),
         affordance_goal=affordance_loss(model.goal.scores(view.seen.at(INDEX), scene), wanted, seen_all),
         affordance_pre=affordance_loss(model.pre.scores(view.seen.at(INDEX), given), wanted, seen_all),
         critic_goal=critic_loss(critics.goal(action, scene_c), labels, every),

@@ -33,7 +33,7 @@ BOTTLE, PHONE, PLATE, HANDOVER = (task_of(name) for name in ("Bottle", "Phone", 
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    torch.manual_seed(0)
+    torch.manual_seed(1)  # networks whose hands are not all inside the box
     return checkpoint.save(
         tmp_path_factory.mktemp("weights") / "new.safetensors", Model(settings_of("test")), "hash", 0
     )
