@@ -14,7 +14,7 @@ torch = pytest.importorskip("torch", reason="torch is not installed")
 
 from affordance import checkpoint
 from affordance.candidates import GoalCandidate, PregraspCandidate, Roles, SceneView
-from affordance.networks import Model
+from affordance.networks import KINDS, Model
 from affordance.preparing import LIFT
 from affordance.propose import KINDS_OF, LearnedProposer, learned_proposer
 from affordance.sampling import KEPT
@@ -77,6 +77,23 @@ def test_goals_are_ranked_rigid_and_of_the_tasks_kind(weights: Path, view: Scene
             assert np.linalg.norm(goal.direction) == pytest.approx(1.0)
             if goal.kind == "grasp":
                 assert goal.amount == LIFT and goal.direction.tolist() == [0.0, 0.0, 1.0]
+
+
+def test_a_final_goal_is_proposed_as_every_kind_that_it_may_be(view: SceneView, tmp_path: Path) -> None:
+    """Networks that hold unscrewing for likely, pulling for possible and everything else for out of the question."""
+    torch.manual_seed(1)
+    model = Model(settings_of("test"))
+    with torch.no_grad():
+        last = model.goal.what[2]
+        rows = torch.arange(len(KINDS)) * 11
+        last.weight[rows], last.bias[rows] = 0.0, -20.0
+        last.bias[11 * KINDS.index("unscrew")], last.bias[11 * KINDS.index("pull")] = 0.5, 0.0
+    asked = proposer(checkpoint.save(tmp_path / "undecided.safetensors", model, "hash", 0))
+    first = asked.goal(view, np.random.default_rng(0))
+    assert {goal.kind for goal in first} == {"unscrew"}
+    last_goals = asked.goal(moved(view), np.random.default_rng(0))
+    assert {goal.kind for goal in last_goals} == {"unscrew", "pull"}
+    assert last_goals[0].kind == "unscrew" and ranked(goal.score for goal in last_goals)
 
 
 def answers(asked: LearnedProposer, view: SceneView, seed: int) -> list[list[float]]:

@@ -9,7 +9,20 @@ from scipy.spatial.transform import Rotation
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from affordance.sampling import ELSEWHERE, NEAR, SPOTS, TOP_LEAST, TOP_SHARE, chosen_spots, distinct, second_apart
+from affordance.networks import Model
+from affordance.sampling import (
+    ELSEWHERE,
+    NEAR,
+    SPOTS,
+    TOP_LEAST,
+    TOP_SHARE,
+    chosen_spots,
+    distinct,
+    promise,
+    second_apart,
+)
+from affordance.settings import settings_of
+from affordance.tokens import SCENE
 
 
 def test_points_are_drawn_among_the_best_and_never_from_a_hand() -> None:
@@ -25,6 +38,18 @@ def test_the_same_draw_gives_the_same_points() -> None:
     scores = torch.rand(200, generator=torch.Generator().manual_seed(0))
     first, again = (chosen_spots(scores, np.random.default_rng(3)) for _ in range(2))
     assert torch.equal(first, again)
+
+
+def test_points_where_hands_act_more_often_promise_more_and_a_hand_promises_nothing() -> None:
+    torch.manual_seed(0)
+    net, allowed = Model(settings_of("test")).goal, torch.arange(50) < 42
+    with torch.no_grad():
+        points, given = torch.randn(1, 50, 128), torch.randn(1, SCENE)
+        found, logits = promise(net, points, given, allowed), net.places(points, given)[0]
+        chances = torch.softmax(logits[:42], dim=0)
+    assert torch.isnan(found.affordance[42:]).all() and torch.isnan(found.chance[42:]).all()
+    assert torch.allclose(found.chance[:42], chances / chances.max(), atol=1e-5)
+    assert torch.allclose(found.both[:42], found.affordance[:42] * found.chance[:42].sqrt())
 
 
 def test_of_two_hands_alike_the_better_is_kept() -> None:

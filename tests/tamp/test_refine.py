@@ -11,7 +11,7 @@ from typing import Any
 import pinocchio as pin
 import pytest
 
-from affordance.candidates import ContactCandidate, Roles
+from affordance.candidates import ContactCandidate, GoalCandidate, Roles
 from affordance.heuristic import HeuristicProposer
 from robots.workcell import Side
 from tamp import refine
@@ -169,6 +169,31 @@ def test_the_best_candidate_alone_is_tried_when_resampling_is_off(
     report = plan_episode(Request(category="Phone", seed=0, mode="E1", out=tmp_path / "run"))
     assert report.status == "no_plan"
     assert len(asked) == 1
+
+
+def test_a_closed_loop_tries_another_kind_of_action_after_one_in_vain(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A proposer that takes a screw cap for one to be pulled off, or else unscrewed, as both look the same."""
+    honest = HeuristicProposer.goal
+
+    def undecided(self: HeuristicProposer, view: Any, rng: Any) -> list[GoalCandidate]:
+        found = honest(self, view, rng)
+        if view.T_move.isIdentity(1e-9):
+            return found
+        return [each for goal in found for each in (replace(goal, kind="pull", amount=0.03), goal)]
+
+    monkeypatch.setattr(HeuristicProposer, "goal", undecided)
+    once, looped = (
+        plan_episode(
+            Request(category="Bottle", instance="bottle-002", seed=1, mode=mode, page=False, out=tmp_path / mode)
+        )
+        for mode in ("E2", "E3")
+    )
+    assert not once.success and once.failure is not None and once.failure.reason == "not_moved"
+    assert load(tmp_path / "E2").operation.kind == "pull"
+    assert looped.success and looped.rounds == 2
+    assert load(tmp_path / "E3").operation.kind == "unscrew"
 
 
 # -- what the planner may know -----------------------------------------------------------------------------------------
