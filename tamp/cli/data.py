@@ -78,6 +78,8 @@ def _show(found: Examination, output: Output) -> None:
         console.print(f"... and {len(found.problems) - PROBLEMS_SHOWN} more (--json)")
     verdict = "[green]ok[/green]" if found.ok else f"[red]{len(found.problems)} problem(s)[/red]"
     console.print(f"{verdict}  {found.episodes} episodes in {found.shards} shards")
+    if found.pending:
+        console.print(f"{found.pending} more were played, but are not kept yet: `bipre collect` goes on with them")
 
 
 def _listed(counts: dict[str, int]) -> str:

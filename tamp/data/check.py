@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from robots.errors import BadRunFolder
 from tamp.bench.seeds import every_benchmark_seed
+from tamp.data.pending import FOLDER as PENDING
 from tamp.data.shards import DamagedShard, Entry, outcomes_in, read_shard, shard_paths
 from tamp.record import Cloud, Recorded
 from worlds.assets.asset import Split
@@ -59,6 +60,8 @@ class Examination(Struct, frozen=True, kw_only=True):
     folder: str
     shards: int
     episodes: int
+    pending: int
+    """Episodes more that are in no shard yet; `bipre collect` goes on with them."""
     columns: list[ColumnCount]
     problems: list[Problem]
     quarantined: list[str]
@@ -82,31 +85,34 @@ def examine(folder: Path) -> Examination:
     """
     if not folder.is_dir():
         raise BadRunFolder(f"Data set {folder} does not exist.")
-    paths = shard_paths(folder)
-    if not paths:
+    paths, pending = shard_paths(folder), _pending(folder)
+    if not paths and not pending:
         held = ", ".join(sorted(entry.name for entry in folder.iterdir())[:5]) or "nothing"
         raise BadRunFolder(f"{folder} has no shards (shard-NUMBER-CHECKSUM.h5); it holds {held}.")
     problems: list[Problem] = []
     quarantined: list[str] = []
     counts: dict[str, _Count] = {}
     seen = _Seen()
-    for path in paths:
+    for path in (*paths, *pending):
         try:
             entries = list(read_shard(path))
         except DamagedShard as error:
-            aside = _set_aside(path)
+            aside = folder / QUARANTINE / path.name
+            aside.parent.mkdir(exist_ok=True)
+            path.replace(aside)
             quarantined.append(str(aside))
             problems.append(Problem(kind="damaged", where=path.name, detail=f"{error} It is now {aside}."))
             continue
-        for entry in entries:
+        for entry in entries if path in paths else ():
             problems += _problems(entry, path, seen)
             counts.setdefault(entry.recorded.category, _Count()).add(entry.recorded)
     problems += _leakage(seen)
     return Examination(
         ok=not problems,
         folder=str(folder),
-        shards=len(paths) - len(quarantined),
+        shards=len(shard_paths(folder)),
         episodes=len(seen.names),
+        pending=len(_pending(folder)),
         columns=[count.told(category) for category, count in sorted(counts.items())],
         problems=problems,
         quarantined=quarantined,
@@ -131,10 +137,8 @@ def find(folder: Path, name: str) -> Entry:
     raise BadRunFolder(f'{folder} has no episode "{name}"; it has {listed}.')
 
 
-def _set_aside(path: Path) -> Path:
-    aside = path.parent / QUARANTINE / path.name
-    aside.parent.mkdir(exist_ok=True)
-    return path.replace(aside)
+def _pending(folder: Path) -> list[Path]:
+    return shard_paths(folder / PENDING) if (folder / PENDING).is_dir() else []
 
 
 def _problems(entry: Entry, path: Path, seen: _Seen) -> Iterator[Problem]:

@@ -17,6 +17,7 @@ from robots.errors import BadRunFolder
 from tamp.bench.seeds import every_benchmark_seed
 from tamp.data import collect as collecting
 from tamp.data.attempts import EpisodeOf, Settings, attempt
+from tamp.data.check import examine
 from tamp.data.collect import PROGRESS_FILE, Column, Targets, collect
 from tamp.data.pending import FOLDER as PENDING
 from tamp.data.shards import Entry, read_shard, shard_paths
@@ -125,6 +126,8 @@ def test_kills_faster_than_a_shard_make_progress(reference: dict[str, tuple[int,
     for _ in range(4):
         assert subprocess.run([sys.executable, "-c", script], check=False).returncode == -signal.SIGKILL
         waiting.append(len(list((tmp_path / PENDING).iterdir())))
+        found = examine(tmp_path)
+        assert (found.ok, found.episodes, found.pending) == (True, 0, waiting[-1])
     assert waiting == [4, 8, 12, 16]
     assert not shard_paths(tmp_path)
     collected(tmp_path, wanted())
@@ -138,6 +141,10 @@ def test_a_damaged_pending_episode_is_named(tmp_path: Path) -> None:
     path.write_bytes(b"no shard")
     with pytest.raises(BadRunFolder, match="Remove it; its episode is played again"):
         collected(tmp_path, wanted())
+    found = examine(tmp_path)
+    assert [(problem.kind, problem.where) for problem in found.problems] == [("damaged", path.name)]
+    assert (found.episodes, found.pending) == (4, 0)
+    collected(tmp_path, wanted(2, 1))
 
 
 def test_an_interruption_writes_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
