@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from affordance.grip import FINGER_HALF, FINGER_THICK, SPARE
+from affordance.stations import hand_corners, table_distance
 from robots.spatial import Array, points
-from robots.workcell import Gripper
+from robots.workcell import Gripper, Table
 
 PAD_HALF = 0.010
 """Half width of a finger pad [m]."""
@@ -24,6 +25,11 @@ MARGIN = 0.006
 ASIDE = 0.015
 """Largest shift that centres the fingers [m]; more means that the hand was meant for something else."""
 
+THINNEST, LEEWAY = 0.002, 0.010
+"""Half the thickness of what is thinnest, and room kept above what is gripped from above and below [m]: what was pushed
+or pressed may lie a centimetre from where it was expected.
+"""
+
 LEVEL = 0.5
 """Fingers that open more steeply than this, as the vertical part of the axis, are not centred: a camera above sees only
 one of the two sides."""
@@ -36,6 +42,12 @@ TIP_HALF = 0.010
 
 TABLE_GAP = 0.004
 """Room kept between finger tips and table [m]."""
+
+STEEPER, TURNS = np.radians(24.0), 8
+"""A hand that would be in the table is turned up by this much at the most [rad], in so many steps."""
+
+PALM = 0.066
+"""Length of the hand without its fingers, from its flange on [m]."""
 
 BACK = 0.012
 """Largest shift back that frees open fingers of what was seen [m]; more would miss the part."""
@@ -54,11 +66,12 @@ def centred(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Grippe
         gripper: The gripper.
 
     Returns:
-        The hand and the opening of one finger; both unchanged where nothing is seen between the fingers, where it is
-        wider than they open, or where only one side of it can be seen.
+        The hand and the opening of one finger; both unchanged where nothing is seen between the fingers, or where it is
+        wider than they open. Fingers above and below something, of which only the upper side is seen, are left where
+        they are as far as that side is between them.
     """
     if abs(T_world_hand.rotation[2, 1]) > LEVEL:
-        return T_world_hand, opening
+        return _around_top(T_world_hand, opening, cloud, gripper)
     seen = points(T_world_hand.inverse(), cloud)
     between = (
         (np.abs(seen[:, 0]) < PAD_HALF)
@@ -74,6 +87,28 @@ def centred(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Grippe
         return T_world_hand, opening
     shift = pin.SE3(np.eye(3), np.array([0.0, middle, 0.0]))
     return T_world_hand * shift, float(np.clip(opening, half + MARGIN, gripper.finger_travel))
+
+
+def _around_top(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gripper) -> tuple[pin.SE3, float]:
+    """The hand with the seen upper side between its fingers, in the upper half, and room above it."""
+    up = np.sign(T_world_hand.rotation[2, 1])
+    seen = points(T_world_hand.inverse(), cloud)
+    height = up * seen[:, 1]
+    between = (
+        (np.abs(seen[:, 0]) < PAD_HALF)
+        & (np.abs(height) < gripper.finger_travel)
+        & (seen[:, 2] > gripper.tip_offset - PAD_LENGTH)
+        & (seen[:, 2] < gripper.tip_offset)
+    )
+    if not between.any():
+        return T_world_hand, opening
+    top = float(height[between].max())
+    down = float(np.clip(top - THINNEST, -ASIDE, 0.0))
+    room = top - down + LEEWAY
+    if room > gripper.finger_travel:
+        return T_world_hand, opening
+    shift = pin.SE3(np.eye(3), np.array([0.0, up * down, 0.0]))
+    return T_world_hand * shift, float(np.clip(opening, room, gripper.finger_travel))
 
 
 def touching(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gripper) -> pin.SE3:
@@ -103,6 +138,21 @@ def above_table(T_world_hand: pin.SE3, top: float, gripper: Gripper) -> pin.SE3:
     lowest = float(points(T_world_hand, np.array(corners))[:, 2].min())
     lift = max(0.0, top + TABLE_GAP - lowest)
     return pin.SE3(T_world_hand.rotation, T_world_hand.translation + np.array([0.0, 0.0, lift]))
+
+
+def raised(T_world_hand: pin.SE3, table: Table, gripper: Gripper) -> pin.SE3:
+    """The hand turned up about its pinch point until its palm is clear of the table, by up to ``STEEPER``.
+
+    A rim that was tilted up is low: between fingers above and below it, the palm would be in the table. It is turned
+    about the axis across approach and opening, and as little as is enough; unchanged where nothing is enough.
+    """
+    pinch = pin.SE3(np.eye(3), np.array([0.0, 0.0, gripper.tcp_offset]))
+    for angle in sorted(np.linspace(-STEEPER, STEEPER, 2 * TURNS + 1), key=abs):
+        turn = pin.SE3(pin.utils.rotate("x", float(angle)), np.zeros(3))
+        T: pin.SE3 = T_world_hand * pinch * turn * pinch.inverse()
+        if table_distance(table, hand_corners(gripper, T, PALM)).min() > TABLE_GAP:
+            return T
+    return T_world_hand
 
 
 def backed_off(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gripper) -> pin.SE3 | None:

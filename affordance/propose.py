@@ -31,7 +31,7 @@ from affordance.candidates import (
 from affordance.checkpoint import Checkpoint
 from affordance.critics import feasible
 from affordance.dataset import TURNING
-from affordance.fitting import above_table, backed_off, centred, deepened, touching
+from affordance.fitting import above_table, backed_off, centred, deepened, raised, touching
 from affordance.frames import moved_cloud
 from affordance.heads import drawn, joined
 from affordance.maps import AffordanceMap, MapName
@@ -268,6 +268,8 @@ class LearnedProposer:
         else:
             T, opening = centred(T, opening, view.cloud, gripper)
             T = deepened(T, opening, view.cloud, gripper, DEEP if kind == "grasp" else SHALLOW)
+            if kind == "grasp":
+                T = raised(T, view.workcell.table, gripper)
             free = backed_off(T, opening, view.cloud, gripper)
             if free is None:
                 return None

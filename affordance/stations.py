@@ -37,10 +37,11 @@ def station(workcell: Workcell, side: Side, T_world_hand: pin.SE3, stage: str) -
     return np.concatenate([T.rotation[:, 2], T.rotation[:, 1], T.translation / SCALE, one_hot, near])
 
 
-def hand_corners(gripper: Gripper, T_world_hand: pin.SE3) -> Array:
-    """``(8, 3)`` corners of a hand's bounding box [m]."""
+def hand_corners(gripper: Gripper, T_world_hand: pin.SE3, length: float | None = None) -> Array:
+    """``(8, 3)`` corners of a hand's bounding box [m], which ends at the finger tips or after a ``length`` [m]."""
     x, y = HAND_HALF
-    box = [[sx * x, sy * y, z] for sx in (-1, 1) for sy in (-1, 1) for z in (0.0, gripper.tip_offset)]
+    ends = (0.0, gripper.tip_offset if length is None else length)
+    box = [[sx * x, sy * y, z] for sx in (-1, 1) for sy in (-1, 1) for z in ends]
     return np.asarray(np.array(box) @ T_world_hand.rotation.T + T_world_hand.translation)
 
 
