@@ -35,7 +35,7 @@ def check_proposer(name: str, weights: Path | None = None) -> None:
             raise BadInput(f"--weights {weights}: the proposer {name} has no networks.")
         return
     if importlib.util.find_spec("torch") is None:
-        raise MissingDependency("torch", "learn", f"The proposer {name}")
+        raise MissingDependency("torch", "learn", f"The proposer {name} (unlike --proposer uniform and heuristic)")
     path = weights_of(name, weights)
     if not path.is_file():
         raise BadInput(f"There are no weights {path} for the proposer {name}. `bipre train` makes them.")

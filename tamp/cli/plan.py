@@ -43,10 +43,10 @@ class Arguments:
     proposer: Annotated[
         str,
         tyro.conf.arg(
-            help="Where candidates come from: heuristic, which knows the true object; uniform, which knows the seen "
-            f"points; or networks, whole or without one of their parts: {', '.join(VARIANTS)}."
+            help="Where candidates come from: networks, whole or without one of their parts: "
+            f"{', '.join(VARIANTS)}; uniform, which knows the seen points; or heuristic, which knows the true object."
         ),
-    ] = "heuristic"
+    ] = "learned"
     weights: Path | None = None
     """Weights of a learned proposer; without it those that are shipped."""
     workcell: str = "panda_pair"

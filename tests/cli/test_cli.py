@@ -118,10 +118,19 @@ def test_why_tells_what_was_tried(run_dir: Path) -> None:
     assert "<- the plan" in done.stderr
 
 
+def test_networks_propose_unless_told_otherwise(tmp_path: Path) -> None:
+    pytest.importorskip("torch", reason="torch is not installed")
+    done = bipre("plan", "Pen-Cap", "--seed", "1", "--no-execute", "--json", "--out", str(tmp_path / "run"))
+    assert answer(done)["proposer"] == "learned", done.stderr
+    assert (tmp_path / "run" / "affordance.npz").is_file()
+
+
 def test_why_tells_every_round_of_a_closed_loop(tmp_path: Path) -> None:
     """The phone is pushed, looked at again, and grasped by a second plan; the first one is kept aside."""
     folder = tmp_path / "run"
-    done = bipre("plan", "Phone", "--seed", "0", "--closed-loop", "--json", "--out", str(folder))
+    done = bipre(
+        "plan", "Phone", "--proposer", "heuristic", "--seed", "0", "--closed-loop", "--json", "--out", str(folder)
+    )
     assert done.returncode == 0, done.stderr
     report = answer(done)
     assert (report["mode"], report["rounds"]) == ("E3", 2)
@@ -140,9 +149,8 @@ def test_why_tells_every_round_of_a_closed_loop(tmp_path: Path) -> None:
 
 
 def test_without_resampling_the_report_says_so(tmp_path: Path) -> None:
-    done = bipre(
-        "plan", "Phone", "--seed", "0", "--no-resample", "--no-execute", "--json", "--out", str(tmp_path / "r")
-    )
+    words = ("--proposer", "heuristic", "--seed", "0", "--no-resample", "--no-execute", "--json")
+    done = bipre("plan", "Phone", *words, "--out", str(tmp_path / "r"))
     assert answer(done)["mode"] == "E1"
     assert {stage["candidates_tried"] for stage in answer(done)["stages"]} <= {1}
 
@@ -153,7 +161,8 @@ def test_why_of_a_failure_names_stage_reason_and_numbers(tmp_path: Path) -> None
     far = tmp_path / "far.toml"
     far.write_text(cell.replace("[-0.55, -0.10, -0.20]", "[-1.55, -0.10, -0.20]").replace("[0.55, ", "[1.55, "))
     folder = tmp_path / "run"
-    done = bipre("plan", "Bottle", "--seed", "1", "--workcell", str(far), "--json", "--out", str(folder))
+    words = ("--proposer", "heuristic", "--seed", "1", "--workcell", str(far), "--json")
+    done = bipre("plan", "Bottle", *words, "--out", str(folder))
     assert done.returncode == 1
     failed = answer(done)
     assert failed["status"] == "no_plan"
@@ -293,7 +302,7 @@ def test_importing_tamp_loads_no_simulator_viewer_or_network() -> None:
         (("plan", "Bottle", "--seed", "-1"), "--seed -1 is negative; give 0 or more."),
         (("plan", "Bottle", "--timeout", "0"), "--timeout 0.0 is not a time; give seconds above 0."),
         (("plan", "Bottle", "--timeout", "soon"), "'soon' is not a number"),
-        (("plan", "Bottle", "--affordance-png", "m.png"), "the proposer heuristic has no affordance maps."),
+        (("plan", "Bottle", "--proposer", "heuristic", "--affordance-png", "m.png"), "heuristic has no affordance maps."),
         (("plan", "Bottle", "--proposer", "uniform", "--affordance-png", "m.png"), "uniform has no affordance maps."),
         (("plan", "Bottle", "--proposer", "learned", "--affordance-png", "no/m.png"), "there is no folder"),
         (("plan", "Bottle", "--proposer", "learned", "--affordance-png", "."), "is not a PNG file"),
