@@ -1,4 +1,4 @@
-# make demo   plan, verify and execute a bottle; the first call makes the environment
+# make demo   plan, execute and verify: a pen is uncapped; the first call makes the environment
 # make peers  other planners for `bipre bench motion --methods ours,roboplan,mplib`, each in its own environment
 # make test   every check; `make test-slow` adds the long ones
 PYTHON ?= $(shell for p in python3.11 python3 python; do \
@@ -12,7 +12,7 @@ WORKERS ?= 2
 .PHONY: demo test test-slow peers clean
 
 demo: $(READY)
-	$(BIN)/bipre plan Bottle --seed 1 --video --out $(DEMO)
+	$(BIN)/bipre plan Pen-Cap --seed 1 --video --out $(DEMO)
 	$(BIN)/bipre verify $(DEMO)
 	@echo
 	@echo "video      $(DEMO)/execution.mp4   (still frames: $(DEMO)/execution.png)"
