@@ -106,7 +106,6 @@ class LearnedProposer:
     eye: Eye
     variant: Variant
     _maps: dict[MapName, AffordanceMap] = field(default_factory=dict)
-    _asked: tuple[SceneView, GoalCandidate] | None = None
 
     # -- what the search asks for ----------------------------------------------------------------------------------
 
@@ -178,38 +177,28 @@ class LearnedProposer:
         self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, roles: Roles, rng: np.random.Generator
     ) -> list[PoseCandidate]:
         """Where the object could be brought for the goal action."""
-        sight = self.eye.sight(view)
-        moves, scores = self._moves(view, goal, grasp.T_world_hand, grasp.opening, roles.primary, rng)
-        made = [PoseCandidate(T_move, score) for T_move, score in zip(moves, scores, strict=True)]
+        sight, made = self.eye.sight(view), self._brought(view, goal, grasp, roles.primary, rng)
         made = self._by_feasibility(
             sight, made, "reorient", [(roles.assistant, c.T_move * grasp.T_world_hand) for c in made]
         )
         made = self._by_feasibility(
             sight, made, "operate", [(roles.primary, c.T_move * goal.T_world_hand) for c in made]
         )
-        self._asked = (view, goal)
         return self._given(made)
 
     def present(
         self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, rng: np.random.Generator
     ) -> list[PoseCandidate]:
         """Where the object could be brought for a human to take it."""
-        sight = self.eye.sight(view)
-        moves, scores = self._moves(view, goal, grasp.T_world_hand, grasp.opening, None, rng)
-        made = [PoseCandidate(T_move, score) for T_move, score in zip(moves, scores, strict=True)]
+        sight, made = self.eye.sight(view), self._brought(view, goal, grasp, None, rng)
         side = _assistant(view)
         made = self._by_feasibility(sight, made, "present", [(side, c.T_move * grasp.T_world_hand) for c in made])
-        self._asked = (view, goal)
         return self._given(made)
 
     def reorient(self, grasp: PregraspCandidate, pose: PoseCandidate) -> pin.SE3:
-        """``T_world_hand`` of the assistant's hand once the object is there."""
-        rigid: pin.SE3 = pose.T_move * grasp.T_world_hand
-        if self.variant.reorient == "rigid" or self._asked is None:
-            return rigid
-        view, goal = self._asked
-        with torch.no_grad():
-            return self._acted(self.eye.sight(view), goal, grasp, pose)
+        """``T_world_hand`` of the assistant's hand once the object is there: the object moves as the hand does."""
+        T_world_hand: pin.SE3 = pose.T_move * grasp.T_world_hand
+        return T_world_hand
 
     def maps(self) -> tuple[AffordanceMap, ...]:
         """Affordance of the latest calls: before the preparation, of the assistant, and after it."""
@@ -324,6 +313,26 @@ class LearnedProposer:
             pressed.T_world_hand, pressed.opening, pressed.travel, moves[0], pressed.score, pressed.start
         )
 
+    def _brought(
+        self,
+        view: SceneView,
+        goal: GoalCandidate,
+        grasp: PregraspCandidate,
+        primary: Side | None,
+        rng: np.random.Generator,
+    ) -> list[PoseCandidate]:
+        """Where a held object could be brought.
+
+        The Reorient Actor, if it is asked, moves the hand, and the object with it: to about the pose that was drawn for
+        the object, or where no such pose is predicted, to wherever it draws.
+        """
+        if not self.model.settings.object_pose:
+            return [PoseCandidate(T_move, 1.0) for T_move in self._acted(view, goal, grasp, None, POSES, rng)]
+        moves, scores = self._moves(view, goal, grasp.T_world_hand, grasp.opening, primary, rng)
+        if self.variant.reorient == "actor":
+            moves = [self._acted(view, goal, grasp, T_move, 1, rng)[0] for T_move in moves]
+        return [PoseCandidate(T_move, score) for T_move, score in zip(moves, scores, strict=True)]
+
     def _moves(
         self,
         view: SceneView,
@@ -367,23 +376,31 @@ class LearnedProposer:
         kept = distinct(T_moves[:, :3, :3], at, values)
         return [_rigid(T_moves[k]) for k in kept], [float(values[k]) for k in kept]
 
-    def _acted(self, sight: Sight, goal: GoalCandidate, grasp: PregraspCandidate, pose: PoseCandidate) -> pin.SE3:
-        """Where the Reorient Actor brings the hand."""
-        tokens, net = self.model.tokens, self.model.reorient
-        aim, held = (
-            self.eye.token(sight, sight.spot(T, opening), sight.code(T))
-            for T, opening in ((goal.T_world_hand, goal.opening), (grasp.T_world_hand, grasp.opening))
-        )
-        T_move = torch.from_numpy(pose.T_move.homogeneous.astype(np.float32))[None]
-        move = sight.frame.moves(T_move, sight.frame.centre)
-        whole = self.model.encoder(moved_cloud(sight.look.cloud, move)).whole
-        told = net.condition(sight.look.seen.whole, tokens.text(self.eye.text), aim, held, whole)
-        answer = net.move.decode(told, torch.zeros(1, net.move.latent))
-        tool = np.array([0.0, 0.0, sight.view.workcell.arm("left").gripper.tcp_offset])
-        pivot = torch.from_numpy(grasp.T_world_hand.act(tool).astype(np.float32))[None]
-        T = sight.frame.moves_world(answer, pivot)[0].numpy().astype(float)
-        moved: pin.SE3 = _rigid(T) * grasp.T_world_hand
-        return moved
+    def _acted(
+        self,
+        view: SceneView,
+        goal: GoalCandidate,
+        grasp: PregraspCandidate,
+        T_move: pin.SE3 | None,
+        count: int,
+        rng: np.random.Generator,
+    ) -> list[pin.SE3]:
+        """Motions of the holding hand in the world frame, the middle one first, towards a motion of the object."""
+        tokens, net, sight = self.model.tokens, self.model.reorient, self.eye.sight(view)
+        aimed = (pin.SE3.Identity() if T_move is None else T_move).homogeneous.astype(np.float32)
+        with torch.no_grad():
+            aim, held = (
+                self.eye.token(sight, sight.spot(T, opening), sight.code(T))
+                for T, opening in ((goal.T_world_hand, goal.opening), (grasp.T_world_hand, grasp.opening))
+            )
+            move = sight.frame.moves(torch.from_numpy(aimed)[None], sight.frame.centre)
+            whole = self.model.encoder(moved_cloud(sight.look.cloud, move)).whole
+            told = net.condition(sight.look.seen.whole, tokens.text(self.eye.text), aim, held, whole)
+            generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
+            answers = drawn(net.move, told, count, generator, middle_first=True)
+            tool = np.array([0.0, 0.0, view.workcell.arm("left").gripper.tcp_offset])
+            pivot = torch.from_numpy(grasp.T_world_hand.act(tool).astype(np.float32))[None]
+            return [_rigid(T) for T in sight.frame.moves_world(answers, pivot)[0].numpy().astype(float)]
 
     # -- what is kept ----------------------------------------------------------------------------------------------
 

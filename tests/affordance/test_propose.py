@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -132,6 +133,20 @@ def test_a_rigid_hand_follows_the_object(weights: Path, view: SceneView) -> None
     grasp = asked.pregrasp(view, goal, rng)[0]
     at = asked.object_pose(view, goal, grasp, ROLES, rng)[0]
     assert np.allclose(asked.reorient(grasp, at).homogeneous, (at.T_move * grasp.T_world_hand).homogeneous)
+
+
+def test_without_object_poses_the_hand_is_moved_and_the_object_with_it(view: SceneView, tmp_path: Path) -> None:
+    torch.manual_seed(1)
+    model = Model(msgspec.structs.replace(settings_of("test"), object_pose=False))
+    asked = proposer(checkpoint.save(tmp_path / "w.safetensors", model, "hash", 0), variant=VARIANTS["no_obj_pose"])
+    rng = np.random.default_rng(0)
+    goal = asked.goal(view, rng)[0]
+    grasp = asked.pregrasp(view, goal, rng)[0]
+    found = asked.object_pose(view, goal, grasp, ROLES, rng)
+    assert len(found) == KEPT
+    hands = [asked.reorient(grasp, pose).homogeneous for pose in found]
+    assert all(np.allclose(T, (p.T_move * grasp.T_world_hand).homogeneous) for T, p in zip(hands, found, strict=True))
+    assert not np.allclose(hands[0], hands[1])
 
 
 def test_pushes_and_presses_move_as_they_say(weights: Path, view: SceneView) -> None:

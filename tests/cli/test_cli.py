@@ -302,7 +302,10 @@ def test_importing_tamp_loads_no_simulator_viewer_or_network() -> None:
         (("plan", "Bottle", "--seed", "-1"), "--seed -1 is negative; give 0 or more."),
         (("plan", "Bottle", "--timeout", "0"), "--timeout 0.0 is not a time; give seconds above 0."),
         (("plan", "Bottle", "--timeout", "soon"), "'soon' is not a number"),
-        (("plan", "Bottle", "--proposer", "heuristic", "--affordance-png", "m.png"), "heuristic has no affordance maps."),
+        (
+            ("plan", "Bottle", "--proposer", "heuristic", "--affordance-png", "m.png"),
+            "heuristic has no affordance maps.",
+        ),
         (("plan", "Bottle", "--proposer", "uniform", "--affordance-png", "m.png"), "uniform has no affordance maps."),
         (("plan", "Bottle", "--proposer", "learned", "--affordance-png", "no/m.png"), "there is no folder"),
         (("plan", "Bottle", "--proposer", "learned", "--affordance-png", "."), "is not a PNG file"),
