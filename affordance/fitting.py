@@ -73,12 +73,7 @@ def centred(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Grippe
     if abs(T_world_hand.rotation[2, 1]) > LEVEL:
         return _around_top(T_world_hand, opening, cloud, gripper)
     seen = points(T_world_hand.inverse(), cloud)
-    between = (
-        (np.abs(seen[:, 0]) < PAD_HALF)
-        & (np.abs(seen[:, 1]) < gripper.finger_travel)
-        & (seen[:, 2] > gripper.tip_offset - PAD_LENGTH)
-        & (seen[:, 2] < gripper.tip_offset)
-    )
+    between = _between_pads(seen, gripper)
     if not between.any():
         return T_world_hand, opening
     low, high = float(seen[between, 1].min()), float(seen[between, 1].max())
@@ -89,17 +84,23 @@ def centred(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Grippe
     return T_world_hand * shift, float(np.clip(opening, half + MARGIN, gripper.finger_travel))
 
 
+def _between_pads(seen: Array, gripper: Gripper) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which points ``(n, 3)`` in the frame of the hand lie between the pads, however far the fingers are open."""
+    found: np.ndarray[tuple[int], np.dtype[np.bool_]] = (
+        (np.abs(seen[:, 0]) < PAD_HALF)
+        & (np.abs(seen[:, 1]) < gripper.finger_travel)
+        & (seen[:, 2] > gripper.tip_offset - PAD_LENGTH)
+        & (seen[:, 2] < gripper.tip_offset)
+    )
+    return found
+
+
 def _around_top(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gripper) -> tuple[pin.SE3, float]:
     """The hand with the seen upper side between its fingers, in the upper half, and room above it."""
     up = np.sign(T_world_hand.rotation[2, 1])
     seen = points(T_world_hand.inverse(), cloud)
     height = up * seen[:, 1]
-    between = (
-        (np.abs(seen[:, 0]) < PAD_HALF)
-        & (np.abs(height) < gripper.finger_travel)
-        & (seen[:, 2] > gripper.tip_offset - PAD_LENGTH)
-        & (seen[:, 2] < gripper.tip_offset)
-    )
+    between = _between_pads(seen, gripper)
     if not between.any():
         return T_world_hand, opening
     top = float(height[between].max())

@@ -242,7 +242,7 @@ def place_loss(logits: Tensor, acted: Tensor, allowed: Tensor, mask: Tensor) -> 
     """Negative logarithm of the chance that a hand acts at one of the points where it did.
 
     Every point of a cloud has a say in this, which is what makes small parts seen: judged by a few points of each
-    cloud alone, networks did not learn in thousands of steps at which end of a pen the button is, and did so in
+    cloud alone, networks did not learn in thousands of steps at which end of a pen the button is, and did so in a
     hundred.
 
     Args:

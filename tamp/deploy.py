@@ -118,7 +118,8 @@ def _next_round(
             shutil.move(current.folder / name, aside / name)
     observe.save(observation, current.folder)
     failed = current.failed
-    if current.plan is not None and outcome.failure is not None and outcome.failure.reason in IN_VAIN:
+    fault = outcome.failure
+    if current.plan is not None and fault is not None and fault.stage == "operate" and fault.reason in IN_VAIN:
         failed = (*failed, current.plan.operation.kind)
     return Round(current.subject, observation, current.folder, current.number + 1, failed)
 
