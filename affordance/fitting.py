@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial import ConvexHull
 
 from affordance.grip import FINGER_HALF, FINGER_THICK, SPARE
+from affordance.preparing import BESIDE, FINGER_LENGTH
 from affordance.stations import hand_corners, table_distance
 from robots.spatial import Array, points
 from robots.workcell import Gripper, Table
@@ -19,8 +21,8 @@ PAD_HALF = 0.010
 PAD_LENGTH = 0.026
 """How far behind the tips points count as between the pads [m]."""
 
-MARGIN = 0.006
-"""Room kept between each open finger and what it closes on [m]."""
+MARGIN, LEAST = 0.006, 0.002
+"""Room kept between each open finger and what it closes on, and what is enough where they open no wider [m]."""
 
 ASIDE = 0.015
 """Largest shift that centres the fingers [m]; more means that the hand was meant for something else."""
@@ -52,6 +54,12 @@ PALM = 0.066
 BACK = 0.012
 """Largest shift back that frees open fingers of what was seen [m]; more would miss the part."""
 
+BAND = 0.020
+"""Width of the strip in which a finger meets what it pushes with its side [m]."""
+
+PUSHED_ASIDE, PUSHED_ON = 0.025, 0.040
+"""Largest shifts across and along a push that bring fingers behind the middle of what they push [m]."""
+
 WAY = 0.10
 """Length of the straight way to a grasp on which the fingers must meet nothing [m]."""
 
@@ -78,10 +86,10 @@ def centred(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Grippe
         return T_world_hand, opening
     low, high = float(seen[between, 1].min()), float(seen[between, 1].max())
     half, middle = 0.5 * (high - low), 0.5 * (high + low)
-    if half + MARGIN > gripper.finger_travel or abs(middle) > ASIDE:
+    if half + LEAST > gripper.finger_travel or abs(middle) > ASIDE:
         return T_world_hand, opening
     shift = pin.SE3(np.eye(3), np.array([0.0, middle, 0.0]))
-    return T_world_hand * shift, float(np.clip(opening, half + MARGIN, gripper.finger_travel))
+    return T_world_hand * shift, min(max(opening, half + MARGIN), gripper.finger_travel)
 
 
 def _between_pads(seen: Array, gripper: Gripper) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -131,6 +139,67 @@ def touching(T_world_hand: pin.SE3, opening: float, cloud: Array, gripper: Gripp
     if not met.any():
         return T_world_hand
     return T_world_hand * pin.SE3(np.eye(3), np.array([0.0, 0.0, float(ahead[met].min())]))
+
+
+def behind(T_world_hand: pin.SE3, opening: float, heading: Array, cloud: Array, gripper: Gripper) -> pin.SE3:
+    """The hand moved level until its fingers just meet the seen points from behind, about the middle of the object.
+
+    An object that is pushed beside its middle turns, and one that is met late stays behind.
+
+    Args:
+        T_world_hand: The hand when the push begins, pointing down.
+        opening: Of one finger [m].
+        heading: Horizontal unit vector ``(3,)`` of the push.
+        cloud: ``(n, 3)`` seen points in the world frame [m].
+        gripper: The gripper.
+
+    Returns:
+        The hand; unchanged across or along where more than ``PUSHED_ASIDE`` or ``PUSHED_ON`` is missing.
+    """
+    tip = T_world_hand.act(np.array([0.0, 0.0, gripper.tip_offset]))
+    aside = float((middle_of(cloud) - tip) @ _across(heading))
+    if abs(aside) <= PUSHED_ASIDE:
+        tip = tip + aside * _across(heading)
+    on = min(_hindmost(cloud, tip, opening, heading)) - BESIDE
+    if abs(on) <= PUSHED_ON:
+        tip = tip + on * heading
+    return pin.SE3(T_world_hand.rotation, tip - gripper.tip_offset * T_world_hand.rotation[:, 2])
+
+
+def unevenness(T_world_hand: pin.SE3, opening: float, heading: Array, cloud: Array, gripper: Gripper) -> float:
+    """How much later one of two pushing fingers meets the seen points than the other [m]: till then the object turns.
+
+    The arguments are those of ``behind``; infinite where a finger meets none.
+    """
+    tip = T_world_hand.act(np.array([0.0, 0.0, gripper.tip_offset]))
+    left, right = _hindmost(cloud, tip, opening, heading)
+    return abs(left - right) if np.isfinite([left, right]).all() else np.inf
+
+
+def _across(heading: Array) -> Array:
+    """The horizontal unit vector to the left of a heading."""
+    return np.array([-heading[1], heading[0], 0.0])
+
+
+def _hindmost(cloud: Array, tip: Array, opening: float, heading: Array) -> tuple[float, float]:
+    """How far ahead of the tips the hindmost points lie that the left and the right finger meet [m]; or infinite."""
+    height, across, ahead = cloud[:, 2] - tip[2], (cloud - tip) @ _across(heading), (cloud - tip) @ heading
+    low = (height > -THINNEST) & (height < FINGER_LENGTH)
+    out = opening + 0.5 * FINGER_THICK
+    left, right = (low & (np.abs(across - side) < 0.5 * BAND) for side in (out, -out))
+    return float(ahead[left].min(initial=np.inf)), float(ahead[right].min(initial=np.inf))
+
+
+def middle_of(cloud: Array) -> Array:
+    """Centroid ``(3,)`` of the outline from above of points ``(n, 3)``, at their mean height.
+
+    The mean of the points would lie towards the cameras, who see one side better.
+    """
+    corners = cloud[ConvexHull(cloud[:, :2]).vertices, :2]
+    following = np.roll(corners, -1, axis=0)
+    doubled = corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]
+    centre = ((corners + following) * doubled[:, None]).sum(axis=0) / (3.0 * doubled.sum())
+    return np.array([*centre, cloud[:, 2].mean()])
 
 
 def above_table(T_world_hand: pin.SE3, top: float, gripper: Gripper) -> pin.SE3:

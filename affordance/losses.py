@@ -58,6 +58,7 @@ class Parts:
     push: Tensor
     place_goal: Tensor
     place_pre: Tensor
+    sort_goal: Tensor
     affordance_goal: Tensor
     affordance_pre: Tensor
     critic_goal: Tensor
@@ -76,6 +77,7 @@ def total(parts: Parts, losses: Losses) -> Tensor:
         "operation": losses.w_operation,
         "push": losses.w_push,
         "place": losses.w_place,
+        "sort": losses.w_sort,
         "affordance": losses.w_affordance,
         "critic": losses.w_critic,
         "feasibility": losses.w_feasibility,
@@ -254,6 +256,20 @@ def place_loss(logits: Tensor, acted: Tensor, allowed: Tensor, mask: Tensor) -> 
     chances = functional.log_softmax(logits.masked_fill(~allowed, -1e9), dim=-1)
     there = torch.logsumexp(chances.masked_fill(~(acted & allowed), -1e9), dim=-1)
     return -masked_mean(there, mask & (acted & allowed).any(dim=-1))
+
+
+def sort_loss(logits: Tensor, kind: Tensor, acted: Tensor, mask: Tensor) -> Tensor:
+    """Cross entropy of the kind of operation at every point where the hand acted.
+
+    Args:
+        logits: ``(B, N, 6)`` as ``GoalAffordance.sorts`` gives them.
+        kind: ``(B,)`` number of what was done.
+        acted: Booleans ``(B, N)``: where.
+        mask: ``(B,)`` rows that count: successes.
+    """
+    cross = functional.cross_entropy(logits.mT, kind[:, None].expand(acted.shape), reduction="none")
+    share = acted / acted.sum(dim=-1, keepdim=True).clamp(min=1)
+    return masked_mean((cross * share).sum(-1), mask & acted.any(dim=-1))
 
 
 def affordance_loss(scores: Tensor, targets: Tensor, mask: Tensor) -> Tensor:

@@ -111,6 +111,15 @@ class GoalAffordance(Contact):
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings, SCENE)
         self.what = mlp(POINT + 2 * TOKEN + SCENE, 11 * len(KINDS))
+        self.sorter = mlp(POINT + SCENE, len(KINDS))
+
+    def sorts(self, points: Tensor, given: Tensor) -> Tensor:
+        """Logits ``(..., 6)`` of what can be done at points ``(..., 128)`` however a hand is turned there.
+
+        ``operation`` is told the hand's orientation, and where that was drawn for the wrong kind, it agrees with it.
+        """
+        logits: Tensor = self.sorter(joined(points, given))
+        return logits
 
     def operation(self, condition: Tensor, direction: Tensor) -> Operation:
         """What is done there, for the token ``(..., 32)`` of a hand's orientation."""

@@ -27,6 +27,7 @@ from affordance.losses import (
     push_loss,
     reach_loss,
     relay_label,
+    sort_loss,
 )
 from affordance.networks import KINDS, Model, Operation
 from affordance.outlook import goal_outlook, pre_outlook
@@ -78,7 +79,7 @@ def parts_of(
 
 ACTORS = (
     "orientation_goal", "orientation_pre", "pose_object", "pose_hand", "opening_goal", "opening_pre", "reach_goal",
-    "reach_pre", "operation", "push", "place_goal", "place_pre",
+    "reach_pre", "operation", "push", "place_goal", "place_pre", "sort_goal",
 )  # fmt: skip
 """Parts by which the actors learn."""
 
@@ -104,6 +105,7 @@ def _actors(
         "reach_goal": scene.move.new_zeros(()),
         "operation": scene.move.new_zeros(()),
         "place_goal": scene.move.new_zeros(()),
+        "sort_goal": scene.move.new_zeros(()),
     }
     is_object = (torch.ones_like(batch.roles, dtype=torch.bool), batch.roles == 0)
     for view, act, allowed in zip((scene.before, scene.after), (before, after), is_object, strict=True):
@@ -125,6 +127,8 @@ def _actors(
         )
         places = model.goal.places(view.seen.points, token)
         told["place_goal"] += 0.5 * place_loss(places, batch.goal.spots, allowed, good)
+        sorts = model.goal.sorts(view.seen.points, token)
+        told["sort_goal"] += 0.5 * sort_loss(sorts, truth.kind, batch.goal.spots & allowed, good)
     goal, goal_shown, assisted = _acts_shown(model, scene, before, pre, settings, batch, generator)
     view = scene.before
     given = joined(tokens.scene(view.text, view.edge), goal_shown)

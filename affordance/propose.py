@@ -31,7 +31,7 @@ from affordance.candidates import (
 from affordance.checkpoint import Checkpoint
 from affordance.critics import feasible
 from affordance.dataset import TURNING
-from affordance.fitting import above_table, backed_off, centred, deepened, raised, touching
+from affordance.fitting import above_table, backed_off, behind, centred, deepened, raised, touching, unevenness
 from affordance.frames import moved_cloud
 from affordance.heads import drawn, joined
 from affordance.maps import AffordanceMap, MapName
@@ -78,8 +78,11 @@ TURN_ON, PRESS_ON = 1.2, 0.004
 cannot be seen: too little leaves it shut, and too much is stopped by a force or by the end of its joint.
 """
 
-UNLIKELY = 0.2
-"""A final operation is also proposed as another kind than the likeliest, if that has this chance at least."""
+UNLIKELY = 0.25
+"""A final operation is also proposed as another kind than the likeliest, if that is at least so much as likely."""
+
+UNEVEN = 0.010
+"""Two fingers of which one meets the object so much later [m] are rated down to a third: the object will turn."""
 
 SHOWN = 5
 """Hands that a map shows."""
@@ -123,12 +126,14 @@ class LearnedProposer:
             operation = net.operation(found.condition, tokens.direction(found.code))
             allowed = KINDS_OF[self.task.type]
             numbers = [KINDS.index(kind) for kind in allowed]
-            likely = torch.softmax(operation.kinds[:, numbers], dim=1).numpy().astype(float)
+            sorts = net.sorts(sight.look.seen.at(found.index[None]), sight.scene)[0]
+            turned, anyway = (torch.softmax(logits[:, numbers], dim=1) for logits in (operation.kinds, sorts))
+            likely = (turned * anyway).numpy().astype(float)
             parts = [part.numpy().astype(float) for part in (operation.direction, operation.outward, operation.point)]
             amounts = operation.amount.numpy().astype(float)
         made = []
-        for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
-            least = likely[k].max() if _unmoved(view) else min(likely[k].max(), UNLIKELY)
+        for k in distinct(found.R_world_hand, found.tip, found.score * likely.max(axis=1), 2 * KEPT):
+            least = likely[k].max() * (1.0 if _unmoved(view) else UNLIKELY)
             for kind, number, chance in zip(allowed, numbers, likely[k], strict=True):
                 if chance < least:
                     continue
@@ -277,26 +282,28 @@ class LearnedProposer:
     ) -> list[ContactCandidate]:
         found, sight, scores = self._assistant_hands(view, goal, rng)
         with torch.no_grad():
-            heading, length, behind = self.model.pre.push(found.condition, self.model.tokens.direction(found.code))
+            heading, length, below = self.model.pre.push(found.condition, self.model.tokens.direction(found.code))
             level = torch.cat([heading, torch.zeros_like(heading[:, :1])], dim=-1)
             headings = sight.frame.directions_world(level[None])[0].numpy().astype(float)
-            lengths, from_behind = (SCALE * length).numpy().astype(float), (behind > 0.0).tolist()
+            lengths, from_behind = (SCALE * length).numpy().astype(float), (below > 0.0).tolist()
         gripper = view.workcell.arm("left").gripper
         made = []
-        for k in distinct(found.R_world_hand, found.tip, found.score, KEPT):
+        for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
             T, opening = _hand(found, k, gripper.tip_offset), float(found.opening[k])
             if opening < CLOSED:
                 opening = 0.0
-            start = None
+            start, score = None, float(found.score[k])
             if stage == "press":
                 T, travel = touching(T, opening, view.cloud, gripper), np.array([0.0, 0.0, -lengths[k]])
             else:
                 travel = lengths[k] * headings[k]
                 if from_behind[k]:
+                    T = behind(T, opening, headings[k], view.cloud, gripper)
                     start, T = -BEHIND * headings[k], above_table(T, view.workcell.table.top, gripper)
+                    score *= float(np.exp(-unevenness(T, opening, headings[k], view.cloud, gripper) / UNEVEN))
                 else:
                     T = touching(T, opening, view.cloud, gripper)
-            made.append(ContactCandidate(T, opening, travel, pin.SE3(np.eye(3), travel), found.score[k], start))
+            made.append(ContactCandidate(T, opening, travel, pin.SE3(np.eye(3), travel), score, start))
         side = _assistant(view)
         made = self._by_feasibility(sight, made, stage, [(side, c.T_world_hand) for c in made])
         if stage == "press":

@@ -58,8 +58,10 @@ class Losses(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Of where the finger tips are; an error of 10 mm is 0.04 in units of ``SCALE``."""
     w_operation: float = 1.0
     w_push: float = 1.0
-    w_place: float = 0.5
+    w_place: float = 1.0
     """Of where hands act; a chance of a tenth costs 2.3."""
+    w_sort: float = 2.0
+    """Of what can be done there."""
     w_affordance: float = 1.0
     w_critic: float = 1.0
     w_feasibility: float = 1.0

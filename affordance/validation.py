@@ -38,7 +38,8 @@ def validate(model: Model, batches: list[Batch], generator: torch.Generator) -> 
     Draws come from the prior: ``goal_close`` and ``pre_close`` are the shares of drawn orientations within 20 deg of
     what was done, ``goal_best`` the share of rows with one such draw among 16; ``reach_goal`` the mean error of the
     finger tips [mm]; ``place_goal`` the share of objects at whose likeliest point, or within 3 cm of it, the primary
-    acted; ``kind`` the share of operations that are named right; the AUROC of the critics compare what
+    acted; ``kind`` the share of operations that are named right for the hand as it was turned, ``sort`` before any hand
+    is drawn; the AUROC of the critics compare what
     worked with what did not, and with a hand turned away; ``ece`` is the expected calibration error of the goal
     critic; ``feasible_auroc`` compares what the planner took with what it refused.
     """
@@ -56,7 +57,7 @@ def validate(model: Model, batches: list[Batch], generator: torch.Generator) -> 
     found = {name: torch.cat(values) for name, values in rows.items()}
     told = {
         name: float(found[name].mean())
-        for name in ("goal_close", "goal_best", "pre_close", "reach_goal", "reach_pre", "place_goal", "kind")
+        for name in ("goal_close", "goal_best", "pre_close", "reach_goal", "reach_pre", "place_goal", "kind", "sort")
         if len(found.get(name, []))
     }
     for name in ("goal_auroc", "goal_turned_auroc", "pre_turned_auroc", "feasible_auroc"):
@@ -93,6 +94,8 @@ def _goal(model: Model, scene: Scene, batch: Batch, act: Done, generator: torch.
     off = SCALE * torch.linalg.vector_norm(gathered(view.cloud[..., :3], best) - act.contact, dim=-1)
     keep("place_goal", (off < THERE).float()[good])
     keep("kind", (operation.kinds.argmax(-1) == act.truth.kind)[good].float())
+    sorts = model.goal.sorts(view.seen.at(act.index), tokens.scene(view.text, view.edge))
+    keep("sort", (sorts.argmax(-1) == act.truth.kind)[good].float())
     told = critics.tokens.scene(view.text, view.edge)
     true, away = (
         torch.sigmoid(critics.goal(judged_token(critics.tokens, view, act.index, R), told))

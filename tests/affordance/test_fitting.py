@@ -12,16 +12,22 @@ from affordance.fitting import (
     ASIDE,
     BACK,
     MARGIN,
+    PUSHED_ASIDE,
+    PUSHED_ON,
     REACH,
     TABLE_GAP,
     above_table,
     backed_off,
+    behind,
     centred,
     deepened,
+    middle_of,
     touching,
+    unevenness,
 )
-from affordance.grip import SPARE
-from robots.spatial import hand_rotation, points
+from affordance.grip import FINGER_THICK, SPARE
+from affordance.preparing import BESIDE
+from robots.spatial import hand_rotation, points, rotation_about
 from robots.workcell import load_workcell
 
 GRIPPER = load_workcell("panda_pair").arm("left").gripper
@@ -107,3 +113,50 @@ def test_tips_reach_as_far_past_the_front_as_is_wanted(past: float) -> None:
     aside = bar(0.02, 0.03) + np.array([0.2, 0.0, 0.0])
     nothing = deepened(T, 0.02, aside, GRIPPER, 0.02)
     assert np.array_equal(nothing.homogeneous, T.homogeneous)
+
+
+AHEAD = np.array([1.0, 0.0, 0.0])
+"""The way things are pushed in these tests; fingers of ``above`` open across it."""
+
+
+def slab(
+    turn: float = 0.0, at: tuple[float, float] = (0.0, 0.0), size: tuple[float, float] = (0.10, 0.16)
+) -> np.ndarray:
+    """Points of a slab on a table, seen from above, turned by an angle [rad] about its middle."""
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 101) * size[0], np.linspace(-0.5, 0.5, 161) * size[1])
+    flat = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 0.02)])
+    return np.asarray(flat @ rotation_about([0.0, 0.0, 1.0], turn).T + np.array([*at, 0.0]))
+
+
+@given(st.floats(-0.9 * PUSHED_ASIDE, 0.9 * PUSHED_ASIDE), st.floats(-0.9 * PUSHED_ON, 0.9 * PUSHED_ON))
+def test_pushing_fingers_come_to_touch_an_object_about_its_middle(aside: float, short: float) -> None:
+    cloud = slab(at=(0.3, 0.1))
+    drawn = above((0.25 - BESIDE - short, 0.1 + aside, 0.008))
+    T = behind(drawn, 0.02, AHEAD, cloud, GRIPPER)
+    tip = T.act(np.array([0.0, 0.0, GRIPPER.tip_offset]))
+    assert tip == pytest.approx([0.25 - BESIDE, 0.1, 0.008], abs=1e-6)
+    assert np.array_equal(T.rotation, drawn.rotation)
+    assert unevenness(T, 0.02, AHEAD, cloud, GRIPPER) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_fingers_meant_for_elsewhere_do_not_come() -> None:
+    cloud = slab()
+    for drawn in (above((-0.05 - BESIDE - 2.0 * PUSHED_ON, 0.0, 0.008)), above((-0.2, 0.5, 0.008))):
+        T = behind(drawn, 0.02, AHEAD, cloud, GRIPPER)
+        assert np.allclose(T.homogeneous, drawn.homogeneous)
+
+
+def test_of_two_fingers_behind_a_turned_object_one_comes_first() -> None:
+    turn, opening = 0.2, 0.03
+    T = behind(above((-0.07, 0.0, 0.008)), opening, AHEAD, slab(turn), GRIPPER)
+    apart = 2.0 * (opening + 0.5 * FINGER_THICK)
+    assert unevenness(T, opening, AHEAD, slab(turn), GRIPPER) == pytest.approx(apart * np.tan(turn), abs=0.003)
+    beside = above((-0.07, 0.2, 0.008))
+    assert unevenness(beside, opening, AHEAD, slab(), GRIPPER) == np.inf
+
+
+def test_the_middle_is_that_of_the_outline_and_not_of_the_points() -> None:
+    cloud = slab(at=(0.3, 0.1))
+    dense = np.concatenate([cloud, cloud[cloud[:, 0] > 0.32], cloud[cloud[:, 0] > 0.33]])
+    assert dense[:, 0].mean() > 0.305
+    assert middle_of(dense) == pytest.approx([0.3, 0.1, 0.02], abs=1e-9)

@@ -33,6 +33,7 @@ from affordance.losses import (
     push_loss,
     reach_loss,
     relay_label,
+    sort_loss,
     total,
     warmed,
 )
@@ -248,6 +249,23 @@ def test_a_critic_is_least_wrong_at_its_soft_label() -> None:
         assert float(critic_loss(torch.logit(torch.tensor([other])), labels, mask)) > right
 
 
+def test_every_point_where_a_hand_acted_says_the_kind_and_no_other_point_does() -> None:
+    kind = torch.tensor([2, 0])
+    acted = torch.zeros(2, 5, dtype=torch.bool)
+    acted[0, 1:3] = True
+    logits = torch.zeros(2, 5, 6, requires_grad=True)
+    loss = sort_loss(logits, kind, acted, torch.tensor([True, True]))
+    assert float(loss.detach()) == pytest.approx(
+        np.log(6.0)
+    )  # the second row, in which no point was acted at, does not count
+    loss.backward()
+    assert torch.equal(logits.grad.abs().sum(-1) > 0.0, acted)
+    assert float(logits.grad[0, 1, 2]) == pytest.approx(0.5 * (1.0 / 6.0 - 1.0))
+    right = torch.nn.functional.one_hot(kind, 6).float()[:, None].expand(2, 5, 6)
+    assert float(sort_loss(50.0 * right, kind, acted, torch.tensor([True, False]))) == pytest.approx(0.0, abs=1e-6)
+    assert float(sort_loss(torch.zeros(2, 5, 6), kind, acted, torch.tensor([False, True]))) == 0.0
+
+
 def test_checks_that_were_not_reached_teach_nothing() -> None:
     logits = torch.randn(4, 3, 3, generator=seeded(), requires_grad=True)
     known = torch.tensor([[True, False, False], [True, True, False], [True, True, True], [False, False, False]])
@@ -262,12 +280,12 @@ def test_a_preparation_is_worth_half_the_outcome_and_half_the_outlook() -> None:
 
 
 def test_the_total_weighs_every_part() -> None:
-    ones = Parts(*(torch.tensor(1.0) for _ in range(18)))
-    assert float(total(ones, DEFAULT)) == 14 + 2 * DEFAULT.w_reach + 2 * DEFAULT.w_place
+    ones = Parts(*(torch.tensor(1.0) for _ in range(19)))
+    assert float(total(ones, DEFAULT)) == 14 + 2 * DEFAULT.w_reach + 2 * DEFAULT.w_place + DEFAULT.w_sort
     assert float(total(ones, PRESETS["biassembly"])) == pytest.approx(
-        9 + 2 * DEFAULT.w_reach + 2 * DEFAULT.w_place + 5 * 0.01
+        9 + 2 * DEFAULT.w_reach + 2 * DEFAULT.w_place + DEFAULT.w_sort + 5 * 0.01
     )
-    names = ("orientation", "pose", "opening", "reach", "operation", "push", "place", "critic", "feasibility")
+    names = ("orientation", "pose", "opening", "reach", "operation", "push", "place", "sort", "critic", "feasibility")
     off = {f"w_{name}": 0.0 for name in names}
     alone = msgspec.structs.replace(DEFAULT, **off)
     assert float(total(ones, alone)) == 2.0

@@ -26,6 +26,7 @@ from affordance.losses import (
     pose_loss,
     push_loss,
     reach_loss,
+    sort_loss,
     total,
 )
 from affordance.networks import KINDS, WIDEST, Model, Operation
@@ -276,6 +277,7 @@ def parts_of(model: Model, step: int, generator: torch.Generator) -> Parts:
         push=push_loss(model.pre.push(at_pre, direction), heading, torch.full((B,), 0.4), every, every, every),
         place_goal=place_loss(model.goal.places(view.seen.points, scene), spots, torch.ones_like(spots), every),
         place_pre=place_loss(model.pre.places(view.seen.points, given), spots, torch.ones_like(spots), every),
+        sort_goal=sort_loss(model.goal.sorts(view.seen.points, scene), torch.tensor([0, 1, 2]), spots, every),
         affordance_goal=affordance_loss(model.goal.scores(view.seen.at(INDEX), scene), wanted, seen_all),
         affordance_pre=affordance_loss(model.pre.scores(view.seen.at(INDEX), given), wanted, seen_all),
         critic_goal=critic_loss(critics.goal(action, scene_c), labels, every),

@@ -96,6 +96,14 @@ def test_a_final_goal_is_proposed_as_every_kind_that_it_may_be(view: SceneView, 
     assert {goal.kind for goal in last_goals} == {"unscrew", "pull"}
     assert last_goals[0].kind == "unscrew" and ranked(goal.score for goal in last_goals)
 
+    with torch.no_grad():  # what is seen of the point says pull, whatever the hands are turned for
+        model.goal.sorter[2].weight.zero_()
+        model.goal.sorter[2].bias.zero_()
+        model.goal.sorter[2].bias[KINDS.index("pull")] = 3.0
+    sure = proposer(checkpoint.save(tmp_path / "sure.safetensors", model, "hash", 0))
+    for seen in (view, moved(view)):
+        assert {goal.kind for goal in sure.goal(seen, np.random.default_rng(0))} == {"pull"}
+
 
 def answers(asked: LearnedProposer, view: SceneView, seed: int) -> list[list[float]]:
     """Every call of a whole articulated road, as numbers."""
