@@ -73,9 +73,9 @@ A pushed object may lie a centimetre from where it was expected.
 CLOSED = 0.005
 """A pushing hand drawn with less than this opening of a finger has closed fingers [m]: data sets have 0 or 10 mm on."""
 
-TURN_ON, PRESS_ON = 1.2, 0.004
-"""Share by which a part is turned, and length by which it is pressed, beyond what is drawn [m]. How far it must move
-cannot be seen: too little leaves it shut, and too much is stopped by a force or by the end of its joint.
+TURN_ON, MOVE_ON = 1.2, 0.004
+"""Share by which a part is turned, and length by which it is pressed or pulled, beyond what is drawn [m]. How far it
+must move cannot be seen: too little leaves it shut, and too much is stopped by a force or by the end of its joint.
 """
 
 UNLIKELY = 0.25
@@ -137,9 +137,8 @@ class LearnedProposer:
             for kind, number, chance in zip(allowed, numbers, likely[k], strict=True):
                 if chance < least:
                     continue
-                amount = float(amounts[k, number]) * (TURN_ON if kind in TURNING else STROKE) + PRESS_ON * (
-                    kind == "press"
-                )
+                drawn_amount = float(amounts[k, number])
+                amount = TURN_ON * drawn_amount if kind in TURNING else STROKE * drawn_amount + MOVE_ON
                 goal = self._goal(view, found, k, kind, [part[k, number] for part in parts], amount)
                 if goal is not None:
                     made.append(replace(goal, score=float(goal.score * chance)))
