@@ -32,9 +32,9 @@ from affordance.checkpoint import Checkpoint
 from affordance.critics import feasible
 from affordance.dataset import TURNING
 from affordance.fitting import above_table, backed_off, behind, centred, deepened, raised, touching, unevenness
-from affordance.frames import moved_cloud
-from affordance.heads import drawn, joined
+from affordance.heads import joined
 from affordance.maps import AffordanceMap, MapName
+from affordance.moving import POSES, hand_moves, object_moves, orthonormal
 from affordance.networks import KINDS, STROKE, Contact, Model
 from affordance.preparing import BEHIND, LIFT
 from affordance.sampling import KEPT, Drawn, Judge, Promise, distinct, hands, promise, second_apart
@@ -57,9 +57,6 @@ KINDS_OF: dict[TaskType, tuple[OperationKind, ...]] = {
     "handover": ("receive",),
 }
 """What can be the goal of a task."""
-
-POSES = 48
-"""Object poses drawn for one list of candidates."""
 
 SNAP = np.cos(np.radians(30.0))
 """An operation's direction within this of an axis of the hand is along that axis."""
@@ -314,7 +311,8 @@ class LearnedProposer:
         self, view: SceneView, goal: GoalCandidate, pressed: ContactCandidate, rng: np.random.Generator
     ) -> ContactCandidate:
         """A press with the motion of the object that is expected of it."""
-        moves, _ = self._moves(view, goal, pressed.T_world_hand, pressed.opening, None, rng)
+        hand, ranked = (pressed.T_world_hand, pressed.opening), self.variant.ranked
+        moves, _ = object_moves(self.eye, view, goal, hand, None, rng, ranked=ranked)
         return ContactCandidate(
             pressed.T_world_hand, pressed.opening, pressed.travel, moves[0], pressed.score, pressed.start
         )
@@ -333,80 +331,12 @@ class LearnedProposer:
         the object, or where no such pose is predicted, to wherever it draws.
         """
         if not self.model.settings.object_pose:
-            return [PoseCandidate(T_move, 1.0) for T_move in self._acted(view, goal, grasp, None, POSES, rng)]
-        moves, scores = self._moves(view, goal, grasp.T_world_hand, grasp.opening, primary, rng)
+            return [PoseCandidate(T, 1.0) for T in hand_moves(self.eye, view, goal, grasp, None, POSES, rng)]
+        hand, ranked = (grasp.T_world_hand, grasp.opening), self.variant.ranked
+        moves, scores = object_moves(self.eye, view, goal, hand, primary, rng, ranked=ranked)
         if self.variant.reorient == "actor":
-            moves = [self._acted(view, goal, grasp, T_move, 1, rng)[0] for T_move in moves]
+            moves = [hand_moves(self.eye, view, goal, grasp, T_move, 1, rng)[0] for T_move in moves]
         return [PoseCandidate(T_move, score) for T_move, score in zip(moves, scores, strict=True)]
-
-    def _moves(
-        self,
-        view: SceneView,
-        goal: GoalCandidate,
-        T_world_hand: pin.SE3,
-        opening: float,
-        primary: Side | None,
-        rng: np.random.Generator,
-    ) -> tuple[list[pin.SE3], list[float]]:
-        """Motions of the object in the world frame and how good they are, best first."""
-        with torch.no_grad():
-            sight, tokens, critics = self.eye.sight(view), self.model.tokens, self.model.critics
-            acts = [(goal.T_world_hand, goal.opening), (T_world_hand, opening)]
-            spots = [sight.spot(T, wide) for T, wide in acts]
-            codes = [sight.code(T) for T, _ in acts]
-            aim, held = (self.eye.token(sight, spot, code) for spot, code in zip(spots, codes, strict=True))
-            place = self.eye.place(sight, primary)
-            whole = sight.look.seen.whole
-            told = self.model.pose.condition(whole, tokens.place(place), sight.scene, self.model.goal_shown(aim), held)
-            generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
-            count = 1 if self.model.settings.losses.zero_latent else POSES
-            moves = drawn(self.model.pose.move, told, count, generator, middle_first=True)
-            score = torch.ones(1, count)
-            if critics.pose is not None and self.variant.ranked:
-                aim_j, held_j = (
-                    self.eye.judged_token(sight, spot, code) for spot, code in zip(spots, codes, strict=True)
-                )
-                judged = critics.pose(
-                    sight.look.judged.whole,
-                    moves,
-                    critics.tokens.text(self.eye.text),
-                    critics.tokens.place(place),
-                    aim_j,
-                    held_j,
-                )
-                score = torch.sigmoid(judged)
-            T_moves = sight.frame.moves_world(moves, sight.frame.centre)[0].numpy().astype(float)
-        values = score[0].numpy().astype(float)
-        centre = sight.frame.centre[0].numpy()
-        at = np.array([T[:3, :3] @ centre + T[:3, 3] for T in T_moves])
-        kept = distinct(T_moves[:, :3, :3], at, values)
-        return [_rigid(T_moves[k]) for k in kept], [float(values[k]) for k in kept]
-
-    def _acted(
-        self,
-        view: SceneView,
-        goal: GoalCandidate,
-        grasp: PregraspCandidate,
-        T_move: pin.SE3 | None,
-        count: int,
-        rng: np.random.Generator,
-    ) -> list[pin.SE3]:
-        """Motions of the holding hand in the world frame, the middle one first, towards a motion of the object."""
-        tokens, net, sight = self.model.tokens, self.model.reorient, self.eye.sight(view)
-        aimed = (pin.SE3.Identity() if T_move is None else T_move).homogeneous.astype(np.float32)
-        with torch.no_grad():
-            aim, held = (
-                self.eye.token(sight, sight.spot(T, opening), sight.code(T))
-                for T, opening in ((goal.T_world_hand, goal.opening), (grasp.T_world_hand, grasp.opening))
-            )
-            move = sight.frame.moves(torch.from_numpy(aimed)[None], sight.frame.centre)
-            whole = self.model.encoder(moved_cloud(sight.look.cloud, move)).whole
-            told = net.condition(sight.look.seen.whole, tokens.text(self.eye.text), aim, held, whole)
-            generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
-            answers = drawn(net.move, told, count, generator, middle_first=True)
-            tool = np.array([0.0, 0.0, view.workcell.arm("left").gripper.tcp_offset])
-            pivot = torch.from_numpy(grasp.T_world_hand.act(tool).astype(np.float32))[None]
-            return [_rigid(T) for T in sight.frame.moves_world(answers, pivot)[0].numpy().astype(float)]
 
     # -- what is kept ----------------------------------------------------------------------------------------------
 
@@ -483,18 +413,8 @@ def _loaded(weights: Path, changed: int) -> Checkpoint:
 
 
 def _hand(found: Drawn, k: int, tip_offset: float) -> pin.SE3:
-    R = _orthonormal(found.R_world_hand[k])
+    R = orthonormal(found.R_world_hand[k])
     return pin.SE3(R, found.tip[k] - tip_offset * R[:, 2])
-
-
-def _rigid(T: Array) -> pin.SE3:
-    return pin.SE3(_orthonormal(T[:3, :3]), T[:3, 3])
-
-
-def _orthonormal(R: Array) -> Array:
-    """The rotation closest to a matrix of single precision."""
-    u, _, v = np.linalg.svd(R)
-    return np.asarray(u @ v)
 
 
 def _snapped(vector: Array) -> Array:
