@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull
 
-from affordance.grip import FINGER_HALF, FINGER_THICK, SPARE
-from affordance.preparing import BESIDE, FINGER_LENGTH
+from affordance.grip import FINGER_HALF, FINGER_LENGTH, FINGER_THICK, PALM_LENGTH, SPARE
+from affordance.preparing import BESIDE
 from affordance.stations import hand_corners, table_distance
 from robots.spatial import Array, points
 from robots.workcell import Gripper, Table
@@ -47,9 +47,6 @@ TABLE_GAP = 0.004
 
 STEEPER, TURNS = np.radians(24.0), 8
 """A hand that would be in the table is turned up by this much at the most [rad], in so many steps."""
-
-PALM = 0.066
-"""Length of the hand without its fingers, from its flange on [m]."""
 
 BACK = 0.012
 """Largest shift back that frees open fingers of what was seen [m]; more would miss the part."""
@@ -220,7 +217,7 @@ def raised(T_world_hand: pin.SE3, table: Table, gripper: Gripper) -> pin.SE3:
     for angle in sorted(np.linspace(-STEEPER, STEEPER, 2 * TURNS + 1), key=abs):
         turn = pin.SE3(pin.utils.rotate("x", float(angle)), np.zeros(3))
         T: pin.SE3 = T_world_hand * pinch * turn * pinch.inverse()
-        if table_distance(table, hand_corners(gripper, T, PALM)).min() > TABLE_GAP:
+        if table_distance(table, hand_corners(gripper, T, PALM_LENGTH)).min() > TABLE_GAP:
             return T
     return T_world_hand
 

@@ -21,8 +21,8 @@ FINGER_HALF, FINGER_THICK, SPARE = 0.0135, 0.018, 0.001
 FINGER_LENGTH = 0.045
 """How far the fingers reach back from the tips before the palm begins [m]."""
 
-PALM = (0.032, 0.100)
-"""Half extents of the palm across and along the opening [m]."""
+PALM, PALM_LENGTH = (0.032, 0.100), 0.066
+"""Half extents of the palm across and along the opening, and length of the hand without its fingers [m]."""
 
 SHEET = 0.008
 """A gap between points along the opening larger than this separates two bodies [m]."""

@@ -15,7 +15,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 from affordance.candidates import ContactCandidate, GoalCandidate
-from affordance.grip import grip_at
+from affordance.grip import FINGER_LENGTH, PALM, PALM_LENGTH, grip_at
 from robots.spatial import Array, hand_rotation, rotation_about, unit
 from robots.workcell import Gripper, Table
 
@@ -36,9 +36,6 @@ BESIDE = 0.012
 
 BEHIND = 0.022
 """How far behind the object the fingers come down before they push it from the side [m]."""
-
-FINGER_LENGTH = 0.045
-"""How far the fingers reach back from the tips before the palm begins [m]."""
 
 FOOT = 0.004
 """Points lower than this above the table are what the object stands on [m]."""
@@ -264,7 +261,7 @@ def _meets_table(T_world_hand: pin.SE3, opening: float, edge: Edge, limit: float
     wide = opening + 0.016
     box = np.array(
         [[x, y, z] for x in (-0.011, 0.011) for y in (-wide, wide) for z in (gripper.tip_offset, 0.07)]
-        + [[x, y, 0.066] for x in (-0.032, 0.032) for y in (-0.1, 0.1)]
+        + [[x, y, PALM_LENGTH] for x in (-PALM[0], PALM[0]) for y in (-PALM[1], PALM[1])]
     )  # fmt: skip
     corners = box @ T_world_hand.rotation.T + T_world_hand.translation
     beside = corners @ edge.outward < limit + 0.004

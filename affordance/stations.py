@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from affordance.examples import Surroundings
+from affordance.grip import PALM
 from affordance.preparing import near_edge
 from affordance.settings import SCALE
 from robots.spatial import Array, pose, unit
@@ -14,9 +15,6 @@ from worlds.tasks import TaskType
 
 STAGES = ("pregrasp", "lift", "reorient", "push", "press", "operate", "grasp", "present")
 """Stages that candidates are proposed for, in the order of their one-hot channels."""
-
-HAND_HALF = (0.032, 0.100)
-"""Half extents of the hand across and along the opening [m]."""
 
 FAR = 1.0
 """Distances from the table beyond this are not told apart, in units of ``SCALE``."""
@@ -39,7 +37,7 @@ def station(workcell: Workcell, side: Side, T_world_hand: pin.SE3, stage: str) -
 
 def hand_corners(gripper: Gripper, T_world_hand: pin.SE3, length: float | None = None) -> Array:
     """``(8, 3)`` corners of a hand's bounding box [m], which ends at the finger tips or after a ``length`` [m]."""
-    x, y = HAND_HALF
+    x, y = PALM
     ends = (0.0, gripper.tip_offset if length is None else length)
     box = [[sx * x, sy * y, z] for sx in (-1, 1) for sy in (-1, 1) for z in ends]
     return np.asarray(np.array(box) @ T_world_hand.rotation.T + T_world_hand.translation)
