@@ -45,7 +45,7 @@ class Arguments:
     max_attempts: int | None = None
     """Most episodes tried of each column; without it 20 for each wanted one."""
     asset: str = "synthetic"
-    """Where the objects come from: synthetic, partnet:DIR or mesh:DIR."""
+    """Where the objects come from: synthetic, synthetic:COUNT for more to learn from, partnet:DIR or mesh:DIR."""
     split: Literal["seen", "unseen"] = "seen"
     """Which instances; unseen ones are for testing."""
     timeout: float = 60.0

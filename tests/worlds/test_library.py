@@ -88,8 +88,26 @@ def test_names_are_sorted_and_splits_cover_them() -> None:
 
 @pytest.mark.parametrize("source", ["", "partnet", "partnet:", "shapenet:/tmp"])
 def test_unknown_source_lists_the_valid_ones(source: str) -> None:
-    with pytest.raises(BadInput, match=rf'No object source "{source}"\. Valid: synthetic, partnet:DIR'):
+    with pytest.raises(BadInput, match=rf'No object source "{source}"\. Valid: synthetic, synthetic:COUNT'):
         parse_source(source)
+
+
+def test_further_instances_are_there_to_learn_from() -> None:
+    few, more = names("synthetic", "Lighter"), names("synthetic:60", "Lighter")
+    assert len(few) < 60 and more[: len(few)] == few and len(more) == 60
+    assert names("synthetic:60", "Lighter", "unseen") == names("synthetic", "Lighter", "unseen")
+    assert names("synthetic:1", "Lighter") == few
+    assert load("synthetic:60", "Lighter", "lighter-059").split == "seen"
+    assert load("synthetic:60", "Lighter", few[3]).content_hash == load("synthetic", "Lighter", few[3]).content_hash
+    for source in ("synthetic", "synthetic:59"):
+        with pytest.raises(UnknownName, match="lighter-059"):
+            load(source, "Lighter", "lighter-059")
+
+
+@pytest.mark.parametrize("count", ["", "0", "-3", "many", "1001", "2.5", "²"])
+def test_a_count_is_a_number_of_instances(count: str) -> None:
+    with pytest.raises(BadInput, match="COUNT is a number from 1 to 1000"):
+        parse_source(f"synthetic:{count}")
 
 
 def test_missing_folder_is_named(tmp_path: Path) -> None:

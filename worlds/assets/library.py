@@ -13,9 +13,11 @@ from worlds.assets import meshes, partnet
 from worlds.assets.asset import Asset, Rejected, Split
 from worlds.assets.everyday import CATEGORIES
 from worlds.assets.synthetic.families import FAMILIES
+from worlds.assets.synthetic.series import MOST
 
 FORMS = (
-    "synthetic, partnet:DIR (DIR holds PartNet-Mobility folders by category, for example DIR/Bottle), "
+    "synthetic, synthetic:COUNT (so many instances of each category, the further ones to learn from), "
+    "partnet:DIR (DIR holds PartNet-Mobility folders by category, for example DIR/Bottle), "
     "mesh:DIR (DIR holds meshes by category, for example DIR/Bowl/round.obj, ShapeNet synsets, or an INDEX.json)"
 )
 """The valid sources, for messages."""
@@ -32,18 +34,20 @@ class Source:
         text: As the user wrote it.
         root: The folder of models, or None for the generated families.
         kind: ``synthetic``, ``partnet`` or ``mesh``.
+        count: Least number of instances of a generated family.
     """
 
     text: str
     root: Path | None = None
     kind: str = "synthetic"
+    count: int = 0
 
 
 def parse_source(source: str) -> Source:
     """The source meant by ``source``.
 
     Args:
-        source: ``synthetic``, ``partnet:DIR`` or ``mesh:DIR``.
+        source: ``synthetic``, ``synthetic:COUNT``, ``partnet:DIR`` or ``mesh:DIR``.
 
     Raises:
         BadInput: It is neither, or DIR is not a folder.
@@ -51,6 +55,10 @@ def parse_source(source: str) -> Source:
     if source == "synthetic":
         return Source(source)
     kind, colon, folder = source.partition(":")
+    if kind == "synthetic":
+        if not (folder.isascii() and folder.isdigit() and 0 < int(folder) <= MOST):
+            raise BadInput(f'No object source "{source}": COUNT is a number from 1 to {MOST}. Valid: {FORMS}.')
+        return Source(source, count=int(folder))
     if kind not in FOLDERS or not colon or not folder:
         raise BadInput(f'No object source "{source}". Valid: {FORMS}.')
     root = Path(folder).expanduser().absolute()
@@ -82,7 +90,7 @@ def names(source: str, category: str, split: Split | None = None) -> list[str]:
     where = parse_source(source)
     _check_category(where, category)
     if where.root is None:
-        return FAMILIES[category].series.names(split)
+        return FAMILIES[category].series.names(split, where.count)
     found: list[str] = FOLDERS[where.kind].names(where.root, category, split)
     return found
 
@@ -97,6 +105,7 @@ def load(source: str, category: str, instance: str) -> Asset:
     where = parse_source(source)
     _check_category(where, category)
     if where.root is None:
+        FAMILIES[category].series.index(instance, where.count)
         return FAMILIES[category].make(instance)
     made: Asset = FOLDERS[where.kind].make(where.root, where.text, category, instance)
     return made

@@ -10,6 +10,9 @@ import numpy as np
 from robots.errors import UnknownName
 from worlds.assets.asset import Split
 
+MOST = 1000
+"""Instances that can be asked for: their numbers have three digits."""
+
 HELD_OUT = 4
 """Every fourth instance is unseen; coprime to the numbers of closures, so the unseen ones have all kinds."""
 
@@ -20,7 +23,7 @@ class Series:
 
     Attributes:
         category: For example ``Bottle``.
-        count: How many instances.
+        count: How many instances; further ones, all of them seen, can be asked for to learn from.
         seed: First word of every instance's seed.
     """
 
@@ -28,17 +31,18 @@ class Series:
     count: int
     seed: int
 
-    def names(self, split: Split | None = None) -> list[str]:
-        """Every instance name, or those of one split, in order."""
-        return [self._name(index) for index in range(self.count) if split in (None, self.split(index))]
+    def names(self, split: Split | None = None, count: int | None = None) -> list[str]:
+        """Every instance name, or those of one split, in order; of ``count`` instances if that is more."""
+        among = range(max(self.count, count or 0))
+        return [self._name(index) for index in among if split in (None, self.split(index))]
 
     def split(self, index: int) -> Split:
         """The split of instance ``index``."""
-        return "unseen" if index % HELD_OUT == HELD_OUT - 1 else "seen"
+        return "unseen" if index < self.count and index % HELD_OUT == HELD_OUT - 1 else "seen"
 
-    def index(self, instance: str) -> int:
-        """The number of ``instance``; ``UnknownName`` with a suggestion when there is none."""
-        names = self.names()
+    def index(self, instance: str, count: int = MOST) -> int:
+        """The number of ``instance``; ``UnknownName`` with a suggestion when ``names`` of that ``count`` lack it."""
+        names = self.names(count=count)
         if instance not in names:
             raise UnknownName(f"{self.category} instance", instance, names)
         return names.index(instance)
