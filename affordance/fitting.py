@@ -51,6 +51,9 @@ STEEPER, TURNS = np.radians(24.0), 8
 BACK = 0.012
 """Largest shift back that frees open fingers of what was seen [m]; more would miss the part."""
 
+LARGEST_LID, BELOW = 0.045, 0.006
+"""Farthest that a hinge is from the middle of its lid, and how far below the tips that grip the lid [m]."""
+
 BAND = 0.020
 """Width of the strip in which a finger meets what it pushes with its side [m]."""
 
@@ -197,6 +200,31 @@ def middle_of(cloud: Array) -> Array:
     doubled = corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]
     centre = ((corners + following) * doubled[:, None]).sum(axis=0) / (3.0 * doubled.sum())
     return np.array([*centre, cloud[:, 2].mean()])
+
+
+def hinge_of(T_world_hand: pin.SE3, opening: float, side: float, cloud: Array, gripper: Gripper) -> tuple[Array, Array]:
+    """Axis and a point of the hinge of a lid between two fingers.
+
+    Who grips a lid to turn it open does so with fingers that open along its hinge, which is at one of the lid's two
+    other sides. A turn opens if it takes the side away from the hinge back towards the hand.
+
+    Args:
+        T_world_hand: The hand that grips.
+        opening: Of one finger [m].
+        side: Positive if the hinge is on the side of the hand's x axis, else negative.
+        cloud: ``(n, 3)`` seen points in the world frame [m].
+        gripper: The gripper.
+
+    Returns:
+        The unit vector ``(3,)`` about which a right-hand turn opens and a point ``(3,)`` of the hinge, in the frame of
+        the hand: at the lid's edge, or at that of the pads where nothing is seen between the fingers.
+    """
+    sign = 1.0 if side > 0.0 else -1.0
+    seen = points(T_world_hand.inverse(), cloud)
+    ahead = seen[:, 2] - gripper.tip_offset
+    lid = (np.abs(seen[:, 1]) < max(opening, MARGIN)) & (ahead > -PAD_LENGTH) & (ahead < THINNEST)
+    out = float(np.clip((sign * seen[lid, 0]).max(initial=PAD_HALF), PAD_HALF, LARGEST_LID))
+    return np.array([0.0, -sign, 0.0]), np.array([sign * out, 0.0, gripper.tip_offset + BELOW])
 
 
 def above_table(T_world_hand: pin.SE3, top: float, gripper: Gripper) -> pin.SE3:

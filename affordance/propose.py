@@ -31,7 +31,17 @@ from affordance.candidates import (
 from affordance.checkpoint import Checkpoint
 from affordance.critics import feasible
 from affordance.dataset import TURNING
-from affordance.fitting import above_table, backed_off, behind, centred, deepened, raised, touching, unevenness
+from affordance.fitting import (
+    above_table,
+    backed_off,
+    behind,
+    centred,
+    deepened,
+    hinge_of,
+    raised,
+    touching,
+    unevenness,
+)
 from affordance.heads import joined
 from affordance.maps import AffordanceMap, MapName
 from affordance.moving import POSES, hand_moves, object_moves, orthonormal
@@ -80,6 +90,9 @@ UNLIKELY = 0.25
 
 UNEVEN = 0.010
 """Two fingers of which one meets the object so much later [m] are rated down to a third: the object will turn."""
+
+OTHERWISE = 0.5
+"""Worth of a lid that is turned about its other side, as a share of what it is worth as the networks say."""
 
 SHOWN = 5
 """Hands that a map shows."""
@@ -139,6 +152,8 @@ class LearnedProposer:
                 goal = self._goal(view, found, k, kind, [part[k, number] for part in parts], amount)
                 if goal is not None:
                     made.append(replace(goal, score=float(goal.score * chance)))
+                if goal is not None and kind == "flip" and not _unmoved(view):
+                    made.append(self._hinged_otherwise(view, made[-1]))
         stage = "operate" if self.task.type == "articulated" else "grasp"
         if self.task.type != "handover" and not _unmoved(view):
             made = self._by_feasibility(sight, made, stage, [(_primary(view), c.T_world_hand) for c in made])
@@ -271,7 +286,17 @@ class LearnedProposer:
             point = T.act(np.array([0.0, 0.0, gripper.tcp_offset]))
         if kind == "unscrew":
             point = T.act(np.array([0.0, 0.0, gripper.tip_offset]))
+        if kind == "flip":
+            axis, hinge = hinge_of(T, opening, local[2][0] - local[0][1], view.cloud, gripper)
+            direction, point = T.rotation @ axis, T.act(hinge)
         return GoalCandidate(kind, T, opening, direction, point, amount, outward, float(found.score[k]))
+
+    def _hinged_otherwise(self, view: SceneView, goal: GoalCandidate) -> GoalCandidate:
+        """The same lid with its hinge at the other side: which it is, a few seen points of it must tell."""
+        T, gripper = goal.T_world_hand, view.workcell.arm("left").gripper
+        side = -float((T.rotation.T @ (goal.point - T.translation))[0])
+        axis, hinge = hinge_of(T, goal.opening, side, view.cloud, gripper)
+        return replace(goal, direction=T.rotation @ axis, point=T.act(hinge), score=OTHERWISE * goal.score)
 
     def _contacts(
         self, view: SceneView, goal: GoalCandidate, stage: str, rng: np.random.Generator

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from affordance.fitting import (
     ASIDE,
     BACK,
+    BELOW,
+    LARGEST_LID,
     MARGIN,
     PUSHED_ASIDE,
     PUSHED_ON,
@@ -21,6 +23,7 @@ from affordance.fitting import (
     behind,
     centred,
     deepened,
+    hinge_of,
     middle_of,
     touching,
     unevenness,
@@ -160,3 +163,24 @@ def test_the_middle_is_that_of_the_outline_and_not_of_the_points() -> None:
     dense = np.concatenate([cloud, cloud[cloud[:, 0] > 0.32], cloud[cloud[:, 0] > 0.33]])
     assert dense[:, 0].mean() > 0.305
     assert middle_of(dense) == pytest.approx([0.3, 0.1, 0.02], abs=1e-9)
+
+
+@given(st.floats(0.012, 0.04), st.sampled_from([-1.0, 1.0]), st.floats(-3.0, 3.0))
+def test_a_lid_turns_about_its_edge_and_opens_towards_the_hand(half: float, side: float, yaw: float) -> None:
+    R = rotation_about([0.0, 0.0, 1.0], yaw) @ DOWN
+    T = pin.SE3(R, np.array([0.3, 0.1, 0.1 + GRIPPER.tip_offset]))
+    x, y = np.meshgrid(np.linspace(-half, half, 41), np.linspace(-0.012, 0.012, 13))
+    lid = points(T, np.column_stack([x.ravel(), y.ravel(), np.full(x.size, GRIPPER.tip_offset - 0.01)]))
+    axis, hinge = hinge_of(T, 0.02, side, lid, GRIPPER)
+    assert hinge == pytest.approx([side * half, 0.0, GRIPPER.tip_offset + BELOW], abs=1e-6)
+    front = np.array([-side * half, 0.0, GRIPPER.tip_offset])
+    assert np.cross(axis, front - hinge)[2] < 0.0  # the hand's z points from the hand to the lid
+    assert np.linalg.norm(axis) == pytest.approx(1.0) and axis[1] == pytest.approx(-side)
+
+
+def test_a_lid_of_which_nothing_is_seen_has_its_hinge_at_the_pads_and_none_is_endless() -> None:
+    T = above((0.0, 0.0, 0.1))
+    far = np.array([[0.0, 0.0, 0.5]])
+    assert abs(hinge_of(T, 0.02, 1.0, far, GRIPPER)[1][0]) == pytest.approx(0.010)
+    wide = slab() + np.array([0.0, 0.0, 0.08])
+    assert abs(hinge_of(T, 0.02, -1.0, wide, GRIPPER)[1][0]) == pytest.approx(LARGEST_LID)
