@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 from affordance.grip import FINGER_HALF, FINGER_LENGTH, FINGER_THICK, PALM_LENGTH, SPARE
-from affordance.preparing import BESIDE
+from affordance.preparing import BESIDE, KEPT_BACK, Edge
 from affordance.stations import hand_corners, table_distance
 from robots.spatial import Array, points
 from robots.workcell import Gripper, Table
@@ -188,6 +188,22 @@ def _hindmost(cloud: Array, tip: Array, opening: float, heading: Array) -> tuple
     out = opening + 0.5 * FINGER_THICK
     left, right = (low & (np.abs(across - side) < 0.5 * BAND) for side in (out, -out))
     return float(ahead[left].min(initial=np.inf)), float(ahead[right].min(initial=np.inf))
+
+
+def farthest_push(heading: Array, cloud: Array, edge: Edge) -> float:
+    """How far an object can be pushed before its middle comes so near the edge that it may tip over it [m].
+
+    Args:
+        heading: Horizontal unit vector ``(3,)`` of the push.
+        cloud: ``(n, 3)`` seen points in the world frame [m].
+        edge: The table's edge.
+
+    Returns:
+        Infinite for a push that does not lead there, negative where the middle is there already.
+    """
+    towards = float(heading @ edge.outward)
+    room = edge.at - KEPT_BACK - float(middle_of(cloud) @ edge.outward)
+    return room / towards if towards > 1e-6 else np.inf
 
 
 def middle_of(cloud: Array) -> Array:

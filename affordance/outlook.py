@@ -15,7 +15,7 @@ from affordance.frames import canonical
 from affordance.heads import drawn, joined
 from affordance.losses import affordance_target
 from affordance.networks import Model
-from affordance.pointnet2 import Encoded, Indices, gathered
+from affordance.pointnet2 import Encoded, Indices, gathered, indices_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,9 +38,10 @@ class Look:
 
 
 def look(model: Model, cloud: Tensor, text: Tensor, edge: Tensor, indices: Indices | None = None) -> Look:
-    """Encode clouds ``(B, N, 6)`` once for actors and critics."""
-    seen: Encoded = model.encoder(cloud, indices)
-    return Look(cloud, seen, model.seen_by_critics(cloud, seen, indices), text, edge)
+    """Encode clouds ``(B, N, 6)`` for actors and critics, who see the same neighbourhoods."""
+    known = indices_of(cloud[..., :3].contiguous(), model.settings.profile) if indices is None else indices
+    seen: Encoded = model.encoder(cloud, known)
+    return Look(cloud, seen, model.seen_by_critics(cloud, seen, known), text, edge)
 
 
 def goal_outlook(model: Model, view: Look, index: Tensor, generator: torch.Generator) -> Tensor:

@@ -37,6 +37,7 @@ from affordance.fitting import (
     behind,
     centred,
     deepened,
+    farthest_push,
     hinge_of,
     raised,
     touching,
@@ -46,7 +47,7 @@ from affordance.heads import joined
 from affordance.maps import AffordanceMap, MapName
 from affordance.moving import POSES, hand_moves, object_moves, orthonormal
 from affordance.networks import KINDS, STROKE, Contact, Model
-from affordance.preparing import BEHIND, LIFT
+from affordance.preparing import BEHIND, LIFT, near_edge
 from affordance.sampling import KEPT, Drawn, Judge, Promise, distinct, hands, promise, second_apart
 from affordance.settings import SCALE
 from affordance.sight import Eye, Sight
@@ -87,6 +88,9 @@ must move cannot be seen: too little leaves it shut, and too much is stopped by 
 
 UNLIKELY = 0.25
 """A final operation is also proposed as another kind than the likeliest, if that is at least so much as likely."""
+
+LEAST_PUSH = 0.004
+"""Shortest push [m]."""
 
 UNEVEN = 0.010
 """Two fingers of which one meets the object so much later [m] are rated down to a third: the object will turn."""
@@ -303,10 +307,10 @@ class LearnedProposer:
     ) -> list[ContactCandidate]:
         found, sight, scores = self._assistant_hands(view, goal, rng)
         with torch.no_grad():
-            heading, length, below = self.model.pre.push(found.condition, self.model.tokens.direction(found.code))
+            heading, far, below = self.model.pre.push(found.condition, self.model.tokens.direction(found.code))
             level = torch.cat([heading, torch.zeros_like(heading[:, :1])], dim=-1)
             headings = sight.frame.directions_world(level[None])[0].numpy().astype(float)
-            lengths, from_behind = (SCALE * length).numpy().astype(float), (below > 0.0).tolist()
+            lengths, from_behind = (SCALE * far).numpy().astype(float), (below > 0.0).tolist()
         gripper = view.workcell.arm("left").gripper
         made = []
         for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
@@ -317,7 +321,10 @@ class LearnedProposer:
             if stage == "press":
                 T, travel = touching(T, opening, view.cloud, gripper), np.array([0.0, 0.0, -lengths[k]])
             else:
-                travel = lengths[k] * headings[k]
+                length = min(lengths[k], farthest_push(headings[k], view.cloud, near_edge(view.workcell.table)))
+                if length < LEAST_PUSH:
+                    continue
+                travel = length * headings[k]
                 if from_behind[k]:
                     T = behind(T, opening, headings[k], view.cloud, gripper)
                     start, T = -BEHIND * headings[k], above_table(T, view.workcell.table.top, gripper)

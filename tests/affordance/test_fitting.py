@@ -23,13 +23,14 @@ from affordance.fitting import (
     behind,
     centred,
     deepened,
+    farthest_push,
     hinge_of,
     middle_of,
     touching,
     unevenness,
 )
 from affordance.grip import FINGER_THICK, SPARE
-from affordance.preparing import BESIDE
+from affordance.preparing import BESIDE, KEPT_BACK, near_edge
 from robots.spatial import hand_rotation, points, rotation_about
 from robots.workcell import load_workcell
 
@@ -184,3 +185,13 @@ def test_a_lid_of_which_nothing_is_seen_has_its_hinge_at_the_pads_and_none_is_en
     assert abs(hinge_of(T, 0.02, 1.0, far, GRIPPER)[1][0]) == pytest.approx(0.010)
     wide = slab() + np.array([0.0, 0.0, 0.08])
     assert abs(hinge_of(T, 0.02, -1.0, wide, GRIPPER)[1][0]) == pytest.approx(LARGEST_LID)
+
+
+@given(st.floats(-0.3, 0.2), st.floats(-1.2, 1.2))
+def test_no_push_takes_the_middle_of_an_object_over_the_edge(start: float, off: float) -> None:
+    edge = near_edge(load_workcell("panda_pair").table)
+    heading = rotation_about([0.0, 0.0, 1.0], off) @ edge.outward
+    cloud = slab() + edge.at * edge.outward + start * edge.outward
+    far = farthest_push(heading, cloud, edge)
+    assert float((middle_of(cloud) + far * heading) @ edge.outward) == pytest.approx(edge.at - KEPT_BACK, abs=1e-6)
+    assert farthest_push(-edge.outward, cloud, edge) == np.inf
