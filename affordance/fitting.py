@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 from affordance.grip import FINGER_HALF, FINGER_LENGTH, FINGER_THICK, PALM_LENGTH, SPARE
-from affordance.preparing import BESIDE, KEPT_BACK, Edge
+from affordance.preparing import BESIDE, Edge
 from affordance.stations import hand_corners, table_distance
 from robots.spatial import Array, points
 from robots.workcell import Gripper, Table
@@ -53,6 +53,9 @@ BACK = 0.012
 
 LARGEST_LID, BELOW = 0.045, 0.006
 """Farthest that a hinge is from the middle of its lid, and how far below the tips that grip the lid [m]."""
+
+INSIDE = 0.005
+"""How far the middle of what is pushed must stay inside the edge [m]."""
 
 BAND = 0.020
 """Width of the strip in which a finger meets what it pushes with its side [m]."""
@@ -202,7 +205,7 @@ def farthest_push(heading: Array, cloud: Array, edge: Edge) -> float:
         Infinite for a push that does not lead there, negative where the middle is there already.
     """
     towards = float(heading @ edge.outward)
-    room = edge.at - KEPT_BACK - float(middle_of(cloud) @ edge.outward)
+    room = edge.at - INSIDE - float(middle_of(cloud) @ edge.outward)
     return room / towards if towards > 1e-6 else np.inf
 
 

@@ -12,6 +12,7 @@ from affordance.fitting import (
     ASIDE,
     BACK,
     BELOW,
+    INSIDE,
     LARGEST_LID,
     MARGIN,
     PUSHED_ASIDE,
@@ -30,7 +31,7 @@ from affordance.fitting import (
     unevenness,
 )
 from affordance.grip import FINGER_THICK, SPARE
-from affordance.preparing import BESIDE, KEPT_BACK, near_edge
+from affordance.preparing import BESIDE, near_edge
 from robots.spatial import hand_rotation, points, rotation_about
 from robots.workcell import load_workcell
 
@@ -193,5 +194,5 @@ def test_no_push_takes_the_middle_of_an_object_over_the_edge(start: float, off: 
     heading = rotation_about([0.0, 0.0, 1.0], off) @ edge.outward
     cloud = slab() + edge.at * edge.outward + start * edge.outward
     far = farthest_push(heading, cloud, edge)
-    assert float((middle_of(cloud) + far * heading) @ edge.outward) == pytest.approx(edge.at - KEPT_BACK, abs=1e-6)
+    assert float((middle_of(cloud) + far * heading) @ edge.outward) == pytest.approx(edge.at - INSIDE, abs=1e-6)
     assert farthest_push(-edge.outward, cloud, edge) == np.inf
