@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from affordance.grip import FINGER_HALF, FINGER_LENGTH, FINGER_THICK, PALM_LENGTH, SPARE
 from affordance.preparing import BESIDE, Edge
@@ -212,9 +212,13 @@ def farthest_push(heading: Array, cloud: Array, edge: Edge) -> float:
 def middle_of(cloud: Array) -> Array:
     """Centroid ``(3,)`` of the outline from above of points ``(n, 3)``, at their mean height.
 
-    The mean of the points would lie towards the cameras, who see one side better.
+    The mean of the points would lie towards the cameras, who see one side better; it stands for points in a line,
+    which have no outline.
     """
-    corners = cloud[ConvexHull(cloud[:, :2]).vertices, :2]
+    try:
+        corners = cloud[ConvexHull(cloud[:, :2]).vertices, :2]
+    except QhullError:
+        return np.asarray(cloud.mean(axis=0))
     following = np.roll(corners, -1, axis=0)
     doubled = corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]
     centre = ((corners + following) * doubled[:, None]).sum(axis=0) / (3.0 * doubled.sum())

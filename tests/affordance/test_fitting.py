@@ -165,6 +165,9 @@ def test_the_middle_is_that_of_the_outline_and_not_of_the_points() -> None:
     dense = np.concatenate([cloud, cloud[cloud[:, 0] > 0.32], cloud[cloud[:, 0] > 0.33]])
     assert dense[:, 0].mean() > 0.305
     assert middle_of(dense) == pytest.approx([0.3, 0.1, 0.02], abs=1e-9)
+    assert middle_of(cloud[:2]) == pytest.approx(cloud[:2].mean(axis=0))
+    line = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], 9)
+    assert middle_of(line) == pytest.approx([0.05, 0.0, 0.0])
 
 
 @given(st.floats(0.012, 0.04), st.sampled_from([-1.0, 1.0]), st.floats(-3.0, 3.0))

@@ -104,7 +104,7 @@ def test_further_instances_are_there_to_learn_from() -> None:
             load(source, "Lighter", "lighter-059")
 
 
-@pytest.mark.parametrize("count", ["", "0", "-3", "many", "1001", "2.5", "²"])
+@pytest.mark.parametrize("count", ["", "0", "-3", "many", "1001", "2.5", "²", "9" * 5000])
 def test_a_count_is_a_number_of_instances(count: str) -> None:
     with pytest.raises(BadInput, match="COUNT is a number from 1 to 1000"):
         parse_source(f"synthetic:{count}")

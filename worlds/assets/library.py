@@ -56,7 +56,7 @@ def parse_source(source: str) -> Source:
         return Source(source)
     kind, colon, folder = source.partition(":")
     if kind == "synthetic":
-        if not (folder.isascii() and folder.isdigit() and 0 < int(folder) <= MOST):
+        if not (folder.isascii() and folder.isdigit() and len(folder) <= 4 and 0 < int(folder) <= MOST):
             raise BadInput(f'No object source "{source}": COUNT is a number from 1 to {MOST}. Valid: {FORMS}.')
         return Source(source, count=int(folder))
     if kind not in FOLDERS or not colon or not folder:
