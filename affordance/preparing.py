@@ -37,6 +37,9 @@ BESIDE = 0.012
 BEHIND = 0.022
 """How far behind the object the fingers come down before they push it from the side [m]."""
 
+LEAST_PUSH = 0.004
+"""Shortest push [m]."""
+
 FOOT = 0.004
 """Points lower than this above the table are what the object stands on [m]."""
 
@@ -138,7 +141,7 @@ def _top_pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Generat
         spot = body.surface[k]
         wanted = float(np.clip(min(rng.uniform(*WANTED_OVERHANG), room), LEAST_OVERHANG, None))
         length = edge.at - reach + wanted
-        if length < 0.004 or along_push[k] + length > edge.at - ON_TABLE:
+        if length < LEAST_PUSH or along_push[k] + length > edge.at - ON_TABLE:
             continue
         aside = float(across[k] - body.centre @ edge.along)
         behind = float(along_push[k] - centre)
@@ -191,7 +194,7 @@ def _side_pushes(body: Body, edge: Edge, gripper: Gripper, rng: np.random.Genera
         back = float(along_push[low & under].min()) - BESIDE
         wanted = float(np.clip(min(rng.uniform(*WANTED_OVERHANG), room), LEAST_OVERHANG, None))
         length = edge.at - reach + wanted
-        if length < 0.004 or back + length > edge.at - ON_TABLE:
+        if length < LEAST_PUSH or back + length > edge.at - ON_TABLE:
             continue
         palm = (body.surface[:, 2] > height + FINGER_LENGTH - 0.003) & (np.abs(across - aside) < 0.105)
         if (palm & (np.abs(along_push - back) < 0.036)).any():

@@ -30,24 +30,13 @@ from affordance.candidates import (
 )
 from affordance.checkpoint import Checkpoint
 from affordance.critics import feasible
-from affordance.dataset import TURNING
-from affordance.fitting import (
-    above_table,
-    backed_off,
-    behind,
-    centred,
-    deepened,
-    farthest_push,
-    hinge_of,
-    raised,
-    touching,
-    unevenness,
-)
+from affordance.fitting import above_table, backed_off, centred
 from affordance.heads import joined
+from affordance.laying import Meant, goal_on, hinged_otherwise, press_on, push_on
 from affordance.maps import AffordanceMap, MapName
 from affordance.moving import POSES, hand_moves, object_moves, orthonormal
-from affordance.networks import KINDS, STROKE, Contact, Model
-from affordance.preparing import BEHIND, LIFT, near_edge
+from affordance.networks import KINDS, Contact, Model
+from affordance.preparing import near_edge
 from affordance.sampling import KEPT, Drawn, Judge, Promise, distinct, hands, promise, second_apart
 from affordance.settings import SCALE
 from affordance.sight import Eye, Sight
@@ -69,34 +58,11 @@ KINDS_OF: dict[TaskType, tuple[OperationKind, ...]] = {
 }
 """What can be the goal of a task."""
 
-SNAP = np.cos(np.radians(30.0))
-"""An operation's direction within this of an axis of the hand is along that axis."""
-
-DEEP, SHALLOW = 0.024, 0.010
-"""How far finger tips reach at least past the front of an edge they lift by, and of a part they move [m].
-
-A pushed object may lie a centimetre from where it was expected.
-"""
-
 CLOSED = 0.005
 """A pushing hand drawn with less than this opening of a finger has closed fingers [m]: data sets have 0 or 10 mm on."""
 
-TURN_ON, MOVE_ON = 1.2, 0.004
-"""Share by which a part is turned, and length by which it is pressed or pulled, beyond what is drawn [m]. How far it
-must move cannot be seen: too little leaves it shut, and too much is stopped by a force or by the end of its joint.
-"""
-
 UNLIKELY = 0.25
 """A final operation is also proposed as another kind than the likeliest, if that is at least so much as likely."""
-
-LEAST_PUSH = 0.004
-"""Shortest push [m]."""
-
-UNEVEN = 0.010
-"""Two fingers of which one meets the object so much later [m] are rated down to a third: the object will turn."""
-
-OTHERWISE = 0.5
-"""Worth of a lid that is turned about its other side, as a share of what it is worth as the networks say."""
 
 SHOWN = 5
 """Hands that a map shows."""
@@ -143,21 +109,21 @@ class LearnedProposer:
             sorts = net.sorts(sight.look.seen.at(found.index[None]), sight.scene)[0]
             turned, anyway = (torch.softmax(logits[:, numbers], dim=1) for logits in (operation.kinds, sorts))
             likely = (turned * anyway).numpy().astype(float)
-            parts = [part.numpy().astype(float) for part in (operation.direction, operation.outward, operation.point)]
-            amounts = operation.amount.numpy().astype(float)
+            told = (operation.direction, operation.outward, operation.point, operation.amount)
+            ways, outwards, points, amounts = (part.numpy().astype(float) for part in told)
         made = []
         for k in distinct(found.R_world_hand, found.tip, found.score * likely.max(axis=1), 2 * KEPT):
             least = likely[k].max() * (1.0 if _unmoved(view) else UNLIKELY)
             for kind, number, chance in zip(allowed, numbers, likely[k], strict=True):
                 if chance < least:
                     continue
-                drawn_amount = float(amounts[k, number])
-                amount = TURN_ON * drawn_amount if kind in TURNING else STROKE * drawn_amount + MOVE_ON
-                goal = self._goal(view, found, k, kind, [part[k, number] for part in parts], amount)
+                at = (k, number)
+                meant = Meant(kind, ways[at], outwards[at], points[at], float(amounts[at]))
+                goal = goal_on(view, *_hand(view, found, k), meant, float(found.score[k]) * float(chance))
                 if goal is not None:
-                    made.append(replace(goal, score=float(goal.score * chance)))
+                    made.append(goal)
                 if goal is not None and kind == "flip" and not _unmoved(view):
-                    made.append(self._hinged_otherwise(view, made[-1]))
+                    made.append(hinged_otherwise(view, goal))
         stage = "operate" if self.task.type == "articulated" else "grasp"
         if self.task.type != "handover" and not _unmoved(view):
             made = self._by_feasibility(sight, made, stage, [(_primary(view), c.T_world_hand) for c in made])
@@ -175,8 +141,7 @@ class LearnedProposer:
         gripper = view.workcell.arm("left").gripper
         made = []
         for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
-            T = _hand(found, k, gripper.tip_offset)
-            T, opening = centred(T, float(found.opening[k]), view.cloud, gripper)
+            T, opening = centred(*_hand(view, found, k), view.cloud, gripper)
             free = backed_off(above_table(T, view.workcell.table.top, gripper), opening, view.cloud, gripper)
             if free is not None:
                 made.append(PregraspCandidate(free, opening, float(found.score[k])))
@@ -187,11 +152,46 @@ class LearnedProposer:
 
     def push(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[ContactCandidate]:
         """How the assistant could push the object so that it reaches over the table's edge."""
-        return self._contacts(view, goal, "push", rng)
+        found, sight, scores = self._assistant_hands(view, goal, rng)
+        with torch.no_grad():
+            heading, far, below = self.model.pre.push(found.condition, self.model.tokens.direction(found.code))
+            level = torch.cat([heading, torch.zeros_like(heading[:, :1])], dim=-1)
+            headings = sight.frame.directions_world(level[None])[0].numpy().astype(float)
+            lengths, from_behind = (SCALE * far).numpy().astype(float), (below > 0.0).tolist()
+        edge = near_edge(view.workcell.table)
+        pushed = (
+            push_on(
+                view,
+                edge,
+                *_pressing_hand(view, found, k),
+                headings[k],
+                lengths[k],
+                float(found.score[k]),
+                from_behind=from_behind[k],
+            )
+            for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT)
+        )
+        made = [candidate for candidate in pushed if candidate is not None]
+        side = _assistant(view)
+        made = self._by_feasibility(sight, made, "push", [(side, c.T_world_hand) for c in made])
+        self._remember("pre", sight, scores, made)
+        return self._given(made)
 
     def press(self, view: SceneView, goal: GoalCandidate, rng: np.random.Generator) -> list[ContactCandidate]:
         """How the assistant could press the object down on one side so that the other rises."""
-        return self._contacts(view, goal, "press", rng)
+        found, sight, scores = self._assistant_hands(view, goal, rng)
+        with torch.no_grad():
+            _, far, _ = self.model.pre.push(found.condition, self.model.tokens.direction(found.code))
+            depths = (SCALE * far).numpy().astype(float)
+        made = [
+            press_on(view, *_pressing_hand(view, found, k), depths[k], float(found.score[k]))
+            for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT)
+        ]
+        side = _assistant(view)
+        made = self._by_feasibility(sight, made, "press", [(side, c.T_world_hand) for c in made])
+        made = [self._tilted(view, goal, candidate, rng) for candidate in made[:KEPT]]
+        self._remember("pre", sight, scores, made)
+        return self._given(made)
 
     def object_pose(
         self, view: SceneView, goal: GoalCandidate, grasp: PregraspCandidate, roles: Roles, rng: np.random.Generator
@@ -259,85 +259,6 @@ class LearnedProposer:
                 return torch.sigmoid(critics.pre(action, sight.scene_judged, aim))
 
             return self._hands(net, sight, given, promised, judge, rng), sight, promised.both
-
-    def _goal(
-        self,
-        view: SceneView,
-        found: Drawn,
-        k: int,
-        kind: OperationKind,
-        local: list[Array],
-        amount: float,
-    ) -> GoalCandidate | None:
-        gripper = view.workcell.arm("left").gripper
-        T, opening = _hand(found, k, gripper.tip_offset), float(found.opening[k])
-        if kind == "press":
-            opening = 0.0
-            T = touching(T, opening, view.cloud, gripper)
-        else:
-            T, opening = centred(T, opening, view.cloud, gripper)
-            T = deepened(T, opening, view.cloud, gripper, DEEP if kind == "grasp" else SHALLOW)
-            if kind == "grasp":
-                T = raised(T, view.workcell.table, gripper)
-            free = backed_off(T, opening, view.cloud, gripper)
-            if free is None:
-                return None
-            T = free
-        direction, outward = (T.rotation @ _snapped(vector) for vector in local[:2])
-        point = T.act(np.array([0.0, 0.0, gripper.tip_offset]) + SCALE * local[2])
-        if kind == "grasp":
-            direction, amount = np.array([0.0, 0.0, 1.0]), LIFT
-            point = T.act(np.array([0.0, 0.0, gripper.tcp_offset]))
-        if kind == "unscrew":
-            point = T.act(np.array([0.0, 0.0, gripper.tip_offset]))
-        if kind == "flip":
-            axis, hinge = hinge_of(T, opening, local[2][0] - local[0][1], view.cloud, gripper)
-            direction, point = T.rotation @ axis, T.act(hinge)
-        return GoalCandidate(kind, T, opening, direction, point, amount, outward, float(found.score[k]))
-
-    def _hinged_otherwise(self, view: SceneView, goal: GoalCandidate) -> GoalCandidate:
-        """The same lid with its hinge at the other side: which it is, a few seen points of it must tell."""
-        T, gripper = goal.T_world_hand, view.workcell.arm("left").gripper
-        side = -float((T.rotation.T @ (goal.point - T.translation))[0])
-        axis, hinge = hinge_of(T, goal.opening, side, view.cloud, gripper)
-        return replace(goal, direction=T.rotation @ axis, point=T.act(hinge), score=OTHERWISE * goal.score)
-
-    def _contacts(
-        self, view: SceneView, goal: GoalCandidate, stage: str, rng: np.random.Generator
-    ) -> list[ContactCandidate]:
-        found, sight, scores = self._assistant_hands(view, goal, rng)
-        with torch.no_grad():
-            heading, far, below = self.model.pre.push(found.condition, self.model.tokens.direction(found.code))
-            level = torch.cat([heading, torch.zeros_like(heading[:, :1])], dim=-1)
-            headings = sight.frame.directions_world(level[None])[0].numpy().astype(float)
-            lengths, from_behind = (SCALE * far).numpy().astype(float), (below > 0.0).tolist()
-        gripper = view.workcell.arm("left").gripper
-        made = []
-        for k in distinct(found.R_world_hand, found.tip, found.score, 2 * KEPT):
-            T, opening = _hand(found, k, gripper.tip_offset), float(found.opening[k])
-            if opening < CLOSED:
-                opening = 0.0
-            start, score = None, float(found.score[k])
-            if stage == "press":
-                T, travel = touching(T, opening, view.cloud, gripper), np.array([0.0, 0.0, -lengths[k]])
-            else:
-                length = min(lengths[k], farthest_push(headings[k], view.cloud, near_edge(view.workcell.table)))
-                if length < LEAST_PUSH:
-                    continue
-                travel = length * headings[k]
-                if from_behind[k]:
-                    T = behind(T, opening, headings[k], view.cloud, gripper)
-                    start, T = -BEHIND * headings[k], above_table(T, view.workcell.table.top, gripper)
-                    score *= float(np.exp(-unevenness(T, opening, headings[k], view.cloud, gripper) / UNEVEN))
-                else:
-                    T = touching(T, opening, view.cloud, gripper)
-            made.append(ContactCandidate(T, opening, travel, pin.SE3(np.eye(3), travel), score, start))
-        side = _assistant(view)
-        made = self._by_feasibility(sight, made, stage, [(side, c.T_world_hand) for c in made])
-        if stage == "press":
-            made = [self._tilted(view, goal, candidate, rng) for candidate in made[:KEPT]]
-        self._remember("pre", sight, scores, made)
-        return self._given(made)
 
     def _tilted(
         self, view: SceneView, goal: GoalCandidate, pressed: ContactCandidate, rng: np.random.Generator
@@ -444,17 +365,17 @@ def _loaded(weights: Path, changed: int) -> Checkpoint:
     return checkpoint.load(weights)
 
 
-def _hand(found: Drawn, k: int, tip_offset: float) -> pin.SE3:
+def _hand(view: SceneView, found: Drawn, k: int) -> tuple[pin.SE3, float]:
+    """One of the drawn hands, and the opening of one of its fingers [m]."""
     R = orthonormal(found.R_world_hand[k])
-    return pin.SE3(R, found.tip[k] - tip_offset * R[:, 2])
+    tip_offset = view.workcell.arm("left").gripper.tip_offset
+    return pin.SE3(R, found.tip[k] - tip_offset * R[:, 2]), float(found.opening[k])
 
 
-def _snapped(vector: Array) -> Array:
-    """A direction in the frame of the hand, along the nearest axis of the hand where it is about along it."""
-    k = int(np.abs(vector).argmax())
-    if abs(vector[k]) < SNAP:
-        return vector
-    return np.asarray(np.sign(vector[k]) * np.eye(3)[k])
+def _pressing_hand(view: SceneView, found: Drawn, k: int) -> tuple[pin.SE3, float]:
+    """The same of a hand that pushes or presses: its fingers are open or shut, not ajar."""
+    T_world_hand, opening = _hand(view, found, k)
+    return T_world_hand, 0.0 if opening < CLOSED else opening
 
 
 def _assistant(view: SceneView) -> Side | None:
