@@ -30,7 +30,7 @@ from affordance.losses import (
     sort_loss,
 )
 from affordance.networks import KINDS, Model, Operation
-from affordance.outlook import goal_outlook, pre_outlook
+from affordance.outlook import Look, goal_outlook, pre_outlook
 from affordance.settings import Settings
 from affordance.views import Done, Scene, done_in, seen, spins
 from affordance.wrong import drawn_elsewhere, judged_token, turned_away
@@ -96,75 +96,75 @@ def _actors(
     step: int | Tensor,
     generator: torch.Generator,
 ) -> dict[str, Tensor]:
-    settings, tokens = model.settings, model.tokens
-    losses, fit = settings.losses, (settings.losses, step, generator)
     before, after, pre = done
-    told = {
-        "orientation_goal": scene.move.new_zeros(()),
-        "opening_goal": scene.move.new_zeros(()),
-        "reach_goal": scene.move.new_zeros(()),
-        "operation": scene.move.new_zeros(()),
-        "place_goal": scene.move.new_zeros(()),
-        "sort_goal": scene.move.new_zeros(()),
+    anywhere = torch.ones_like(batch.roles, dtype=torch.bool)
+    views = ((scene.before, before, anywhere), (scene.after, after, batch.roles == 0))
+    each = [_goal_actors(model, *view, batch, good, step, generator) for view in views]
+    told = {name: 0.5 * each[0][name] + 0.5 * each[1][name] for name in each[0]}
+    return told | _preparing_actors(model, scene, batch, before, pre, good, step, generator)
+
+
+def _goal_actors(
+    model: Model,
+    view: Look,
+    act: Done,
+    allowed: Tensor,
+    batch: Batch,
+    good: Tensor,
+    step: int | Tensor,
+    generator: torch.Generator,
+) -> dict[str, Tensor]:
+    """Losses of the goal's networks in one of both views; ``allowed`` ``(B, N)`` are points where a goal can be."""
+    tokens, losses, net = model.tokens, model.settings.losses, model.goal
+    token = tokens.scene(view.text, view.edge)
+    at = net.condition(view.seen.at(act.index), tokens.contact(act.contact), token)
+    direction, truth = tokens.direction(code_of(act.R)), act.truth
+    kinds = functional.one_hot(truth.kind, len(KINDS)).float()
+    operation = Operation(kinds, truth.direction, truth.outward, truth.point, truth.amount)
+    places, sorts = net.places(view.seen.points, token), net.sorts(view.seen.points, token)
+    return {
+        "orientation_goal": orientation_loss(net.orientation, at, act.R, good, losses, step, generator, spins(truth)),
+        "opening_goal": opening_loss(net.opening(at, direction), truth.opening, good),
+        "reach_goal": reach_loss(net.reach(at, direction), act.reach, good),
+        "operation": operation_loss(net.operation(at, direction).of(truth.kind), operation, good, losses),
+        "place_goal": place_loss(places, batch.goal.spots, allowed, good),
+        "sort_goal": sort_loss(sorts, truth.kind, batch.goal.spots & allowed, good),
     }
-    is_object = (torch.ones_like(batch.roles, dtype=torch.bool), batch.roles == 0)
-    for view, act, allowed in zip((scene.before, scene.after), (before, after), is_object, strict=True):
-        token = tokens.scene(view.text, view.edge)
-        at = model.goal.condition(view.seen.at(act.index), tokens.contact(act.contact), token)
-        direction, truth = tokens.direction(code_of(act.R)), act.truth
-        told["orientation_goal"] += 0.5 * orientation_loss(model.goal.orientation, at, act.R, good, *fit, spins(truth))
-        told["opening_goal"] += 0.5 * opening_loss(model.goal.opening(at, direction), truth.opening, good)
-        told["reach_goal"] += 0.5 * reach_loss(model.goal.reach(at, direction), act.reach, good)
-        done_there = Operation(
-            functional.one_hot(truth.kind, len(KINDS)).float(),
-            truth.direction,
-            truth.outward,
-            truth.point,
-            truth.amount,
-        )
-        told["operation"] += 0.5 * operation_loss(
-            model.goal.operation(at, direction).of(truth.kind), done_there, good, losses
-        )
-        places = model.goal.places(view.seen.points, token)
-        told["place_goal"] += 0.5 * place_loss(places, batch.goal.spots, allowed, good)
-        sorts = model.goal.sorts(view.seen.points, token)
-        told["sort_goal"] += 0.5 * sort_loss(sorts, truth.kind, batch.goal.spots & allowed, good)
-    goal, goal_shown, assisted = _acts_shown(model, scene, before, pre, settings, batch, generator)
-    view = scene.before
-    given = joined(tokens.scene(view.text, view.edge), goal_shown)
+
+
+def _preparing_actors(
+    model: Model,
+    scene: Scene,
+    batch: Batch,
+    before: Done,
+    pre: Done,
+    good: Tensor,
+    step: int | Tensor,
+    generator: torch.Generator,
+) -> dict[str, Tensor]:
+    """Losses of the networks that prepare, with the goal action ``before`` in mind."""
+    tokens, view, fit = model.tokens, scene.before, (model.settings.losses, step, generator)
+    goal, goal_shown, assisted = _acts_shown(model, scene, before, pre, model.settings, batch, generator)
+    token = tokens.scene(view.text, view.edge)
+    given = joined(token, goal_shown)
     at = model.pre.condition(view.seen.at(pre.index), tokens.contact(pre.contact), given)
     direction, truth = tokens.direction(code_of(pre.R)), pre.truth
+    places, anywhere = model.pre.places(view.seen.points, given), torch.ones_like(batch.pre.spots)
     fair = batch.success & batch.pre.known
     heading = functional.normalize(scene.frame.directions(truth.direction[:, None])[:, 0, :2], dim=-1)
+    push, not_held = model.pre.push(at, direction), fair & ~batch.lifted
+    asked = model.pose.condition(view.seen.whole, tokens.place(scene.place), token, goal_shown, assisted)
     moved = tokens.cloud_or_none(scene.moved, torch.ones_like(good))
-    hand_move = scene.frame.moves(batch.T_move, pre.truth.tool)
-    held = good & batch.lifted
-    return told | {
+    hand = model.reorient.condition(view.seen.whole, tokens.text(view.text), goal, assisted, moved)
+    hand_move = scene.frame.moves(batch.T_move, truth.tool)
+    return {
         "orientation_pre": orientation_loss(model.pre.orientation, at, pre.R, fair, *fit),
         "opening_pre": opening_loss(model.pre.opening(at, direction), truth.opening, fair),
-        "place_pre": place_loss(
-            model.pre.places(view.seen.points, given), batch.pre.spots, torch.ones_like(batch.pre.spots), fair
-        ),
+        "place_pre": place_loss(places, batch.pre.spots, anywhere, fair),
         "reach_pre": reach_loss(model.pre.reach(at, direction), pre.reach, fair),
-        "push": push_loss(
-            model.pre.push(at, direction), heading, truth.amount, truth.behind, batch.pushed, fair & ~batch.lifted
-        ),
-        "pose_object": pose_loss(
-            model.pose.move,
-            model.pose.condition(
-                view.seen.whole, tokens.place(scene.place), tokens.scene(view.text, view.edge), goal_shown, assisted
-            ),
-            scene.move,
-            fair,
-            *fit,
-        ),
-        "pose_hand": pose_loss(
-            model.reorient.move,
-            model.reorient.condition(view.seen.whole, tokens.text(view.text), goal, assisted, moved),
-            hand_move,
-            held,
-            *fit,
-        ),
+        "push": push_loss(push, heading, truth.amount, truth.behind, batch.pushed, not_held),
+        "pose_object": pose_loss(model.pose.move, asked, scene.move, fair, *fit),
+        "pose_hand": pose_loss(model.reorient.move, hand, hand_move, good & batch.lifted, *fit),
     }
 
 
