@@ -189,7 +189,7 @@ class LearnedProposer:
         ]
         side = _assistant(view)
         made = self._by_feasibility(sight, made, "press", [(side, c.T_world_hand) for c in made])
-        made = [self._tilted(view, goal, candidate, rng) for candidate in made[:KEPT]]
+        made = [self._tilted(view, goal, candidate, rng) for candidate in made]
         self._remember("pre", sight, scores, made)
         return self._given(made)
 
@@ -266,9 +266,7 @@ class LearnedProposer:
         """A press with the motion of the object that is expected of it."""
         hand, ranked = (pressed.T_world_hand, pressed.opening), self.variant.ranked
         moves, _ = object_moves(self.eye, view, goal, hand, None, rng, ranked=ranked)
-        return ContactCandidate(
-            pressed.T_world_hand, pressed.opening, pressed.travel, moves[0], pressed.score, pressed.start
-        )
+        return replace(pressed, T_move=moves[0])
 
     def _brought(
         self,

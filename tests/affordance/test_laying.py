@@ -16,7 +16,7 @@ from affordance.laying import MOVE_ON, OTHERWISE, TURN_ON, Meant, goal_on, hinge
 from affordance.networks import STROKE
 from affordance.preparing import BEHIND, LEAST_PUSH, LIFT, near_edge
 from affordance.settings import SCALE
-from robots.spatial import hand_rotation
+from robots.spatial import hand_rotation, rotation_about
 from robots.workcell import load_workcell
 
 WORKCELL = load_workcell("panda_pair")
@@ -129,10 +129,11 @@ def test_a_push_goes_along_its_heading_and_never_too_far(length: float, back: fl
 
 
 def test_fingers_that_meet_an_object_one_after_the_other_are_rated_down() -> None:
-    view = block(at_table(0.2), (0.02, 0.10), 0.02)
-    hand = above(at_table(0.26, 0.01, 0.012))
-    beside = push_on(view, EDGE, hand, 0.03, EDGE.outward, 0.1, 0.6, from_behind=True)
-    assert beside is not None and beside.score < 0.6
+    straight = block(np.zeros(3), (0.16, 0.10), 0.02).cloud
+    turned = straight @ rotation_about([0.0, 0.0, 1.0], 0.2).T + at_table(0.2)
+    view = SceneView(WORKCELL, turned, pin.SE3.Identity(), np.zeros((0, 3)))
+    pushed = push_on(view, EDGE, above(at_table(0.28, 0.01)), 0.03, EDGE.outward, 0.1, 0.6, from_behind=True)
+    assert pushed is not None and 0.0 < pushed.score < 0.6 * np.exp(-0.5)  # one comes 14 mm after the other
 
 
 def test_a_press_goes_straight_down_from_where_it_touches() -> None:
