@@ -37,7 +37,7 @@ def run(arguments: Arguments, output: Output) -> int:
     verdict = "[green]ok[/green]" if found.ok else "[red]violations[/red]"
     console.print(
         f"{verdict}  {found.checked_states} states checked in {found.seconds:.1f} s, "
-        f"clearance {1e3 * found.min_clearance:.1f} mm, velocity {100 * found.max_velocity_ratio:.0f} % and "
+        f"clearance {1e3 * found.min_clearance:z.1f} mm, velocity {100 * found.max_velocity_ratio:.0f} % and "
         f"acceleration {100 * found.max_acceleration_ratio:.0f} % of the limits"
     )
     for violation in found.violations:
